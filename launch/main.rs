@@ -1,0 +1,2 @@
+//! tricurve: depth from curves in three views.
+fn main(){}

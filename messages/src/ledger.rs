@@ -1,0 +1,186 @@
+//! The ledger: what every node received, published and dropped, topic by topic.
+//!
+//! Counts are of *different* scans, so that a resend after a restart changes nothing, and they survive a restart
+//! without help from the node that died: every scan below [`Header::done_below`](crate::Header::done_below) went
+//! through everybody, or it would not be done.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// The set of sequences seen so far: all below `base`, and those of the next 64 whose bit is set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Seen {
+    base: u64,
+    mask: u64,
+}
+
+impl Seen {
+    /// How many scans beyond the oldest missing one can be told apart; the door keeps fewer in flight.
+    pub const WINDOW: u64 = 64;
+
+    /// Takes for seen every scan below this number.
+    pub fn advance(&mut self, done_below: u64) {
+        let step = done_below.saturating_sub(self.base);
+        if step > 0 {
+            self.mask = self.mask.checked_shr(step.min(64) as u32).unwrap_or(0);
+            self.base = done_below;
+            self.settle();
+        }
+    }
+
+    /// Adds a scan; false when it was there already.
+    pub fn insert(&mut self, sequence: u64) -> bool {
+        let Some(ahead) = sequence.checked_sub(self.base) else {
+            return false;
+        };
+        if ahead >= Self::WINDOW {
+            self.advance(sequence + 1 - Self::WINDOW);
+            return self.insert(sequence);
+        }
+        let bit = 1 << ahead;
+        let is_new = self.mask & bit == 0;
+        self.mask |= bit;
+        self.settle();
+        is_new
+    }
+
+    /// Whether a scan is in the set.
+    pub fn contains(&self, sequence: u64) -> bool {
+        match sequence.checked_sub(self.base) {
+            None => true,
+            Some(ahead) => ahead < Self::WINDOW && self.mask & (1 << ahead) != 0,
+        }
+    }
+
+    /// How many scans are in the set.
+    pub fn count(&self) -> u64 {
+        self.base + u64::from(self.mask.count_ones())
+    }
+
+    /// The scans missing below the highest one seen.
+    pub fn missing(&self) -> impl Iterator<Item = u64> + '_ {
+        let highest = self.base + u64::from(64 - self.mask.leading_zeros());
+        (self.base..highest).filter(|&sequence| !self.contains(sequence))
+    }
+
+    /// The lowest scan that is not in the set.
+    pub fn below(&self) -> u64 {
+        self.base
+    }
+
+    fn settle(&mut self) {
+        let run = self.mask.trailing_ones();
+        self.base += u64::from(run);
+        self.mask = self.mask.checked_shr(run).unwrap_or(0);
+    }
+}
+
+/// One node's account of one topic.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Account {
+    /// Different scans received.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub received: Option<u64>,
+    /// Different scans published.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub published: Option<u64>,
+    /// Scans received once more than needed, as after a restart.
+    #[serde(default)]
+    pub duplicates: u64,
+    /// Scans lost, by cause.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub dropped: BTreeMap<String, u64>,
+    /// Scans missing below the highest one seen.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<u64>,
+}
+
+/// The whole run's account.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ledger {
+    /// Scans that went through the door.
+    pub admitted: u64,
+    /// Scans that came out, finished and flushed.
+    pub done: u64,
+    /// Scans that never went through the door, by cause.
+    #[serde(default)]
+    pub refused: BTreeMap<String, u64>,
+    /// By node, then topic.
+    pub nodes: BTreeMap<String, BTreeMap<String, Account>>,
+}
+
+impl Ledger {
+    /// What does not balance, a sentence each; empty when everything does.
+    pub fn faults(&self) -> Vec<String> {
+        let mut faults = Vec::new();
+        if self.admitted != self.done {
+            faults.push(format!("{} scans were admitted, {} done", self.admitted, self.done));
+        }
+        for (node, topics) in &self.nodes {
+            for (topic, account) in topics {
+                let both = [("received", account.received), ("published", account.published)];
+                for (verb, count) in both {
+                    if let Some(count) = count.filter(|&count| count != self.admitted) {
+                        let which = match account.missing.as_slice() {
+                            [] => String::new(),
+                            missing => format!(", missing scans {missing:?}"),
+                        };
+                        faults.push(format!(
+                            "{node} {verb} {count} of {} scans of {topic}{which}",
+                            self.admitted
+                        ));
+                    }
+                }
+                for (cause, count) in &account.dropped {
+                    faults.push(format!("{node} dropped {count} of {topic}: {cause}"));
+                }
+            }
+        }
+        faults
+    }
+
+    /// Whether admitted = done and every topic was published and received whole.
+    pub fn is_balanced(&self) -> bool {
+        self.faults().is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn seen_counts_like_a_set_whatever_the_order() {
+        let mut seen = Seen::default();
+        let mut twin = BTreeSet::new();
+        for sequence in [0, 1, 2, 5, 4, 5, 3, 10, 9, 40, 6, 7, 8, 2, 69, 41] {
+            assert_eq!(seen.insert(sequence), twin.insert(sequence), "{sequence}");
+            assert_eq!(seen.count(), twin.len() as u64, "{sequence}");
+        }
+        assert_eq!(seen.below(), 11);
+        assert!(seen.missing().eq((11..69).filter(|s| ![40, 41].contains(s))));
+    }
+
+    #[test]
+    fn a_restarted_node_counts_what_its_predecessor_had_seen_as_done() {
+        let mut seen = Seen::default();
+        seen.advance(5);
+        assert!(!seen.insert(4));
+        assert!(seen.insert(7));
+        seen.advance(6);
+        assert!(seen.insert(6));
+        assert_eq!(seen.count(), 8);
+        assert_eq!(seen.missing().count(), 0);
+    }
+
+    #[test]
+    fn a_ledger_that_lost_a_message_says_which() {
+        let mut ledger = Ledger { admitted: 3, done: 3, ..Ledger::default() };
+        let account = Account { received: Some(2), missing: vec![1], ..Account::default() };
+        assert!(ledger.is_balanced());
+        ledger.nodes.entry("track".into()).or_default().insert("edges/left/20".into(), account);
+        assert_eq!(ledger.faults(), ["track received 2 of 3 scans of edges/left/20, missing scans [1]"]);
+    }
+}

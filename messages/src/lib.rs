@@ -1,0 +1,36 @@
+//! What tricurve's nodes say to each other.
+//!
+//! ```text
+//! plain types (this crate without features) ─► bus (shared memory, iceoryx2) ─► record (MCAP, Foxglove)
+//! ```
+//!
+//! Everything a node computes is a pure function of plain types: [`Header`] says which scan, view and channel a
+//! message belongs to, [`payload`] holds the one table of message kinds, [`topic`] the one list of topics that
+//! recorder, replay and viewers walk. An algorithm depends on these only; the features `bus` and `record` add the
+//! ways in and out of a process.
+//!
+//! Coordinates: pixels, x to the right, y down, (0, 0) is the centre of the top left pixel. Disparities are pixels
+//! between *neighbouring* views and positive: a point at x in one view is at x − d in the next one to the right.
+
+#[cfg(feature = "bus")]
+pub mod bus;
+pub mod calibration;
+pub mod header;
+pub mod ledger;
+pub mod payload;
+#[cfg(feature = "record")]
+pub mod record;
+pub mod rig;
+pub mod settings;
+pub mod topic;
+
+pub use calibration::Calibration;
+pub use header::{Header, NONE, Size};
+pub use payload::{
+    Curve, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, DisparityView, Edge, Edges,
+    EdgesRoom, EdgesView, Entry, Image, ImageRoom, ImageView, List, Match, MatchPoint, Matches,
+    MatchesRoom, MatchesView, Message, Owned, Point, Points, PointsRoom, PointsView, Table, Tables,
+    TablesRoom, TablesView,
+};
+pub use rig::{Delivery, Rig, View};
+pub use topic::{Kind, Stage, Topic};

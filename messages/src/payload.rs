@@ -1,0 +1,590 @@
+//! The payloads: plain data in sections, written and read in place.
+//!
+//! A payload is up to four sections, each an array of one plain type. In shared memory every section starts where
+//! the worst case of the largest configured image puts it, so a maker writes straight into the memory its readers
+//! see, and nothing is ever cut short.
+
+use std::ops::{Deref, DerefMut};
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::header::{Header, Size};
+use crate::topic::Kind;
+
+/// The most sections a payload has.
+pub const SECTIONS: usize = 4;
+
+/// Sections start at multiples of this many bytes: a cache line.
+pub const ALIGNMENT: usize = 64;
+
+/// A zero-crossing of ∇²G in one channel, with what is known about it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Edge {
+    /// Column, sub-pixel when the crossing lies between two columns.
+    pub x: f32,
+    /// Row, sub-pixel when the crossing lies between two rows; whole for a crossing along a row.
+    pub y: f32,
+    /// Magnitude of the gradient there, in gray levels per pixel.
+    pub magnitude: f32,
+    /// Direction of the gradient, from dark to bright, in radians in (−π, π]; 0 points to the right, π/2 down.
+    pub orientation: f32,
+    /// Gray levels beside the crossing, in its row, at [`Edge::PROFILE_OFFSETS`] columns from it.
+    pub profile: [u8; 8],
+}
+
+impl Edge {
+    /// Where the samples of [`Edge::profile`] are taken, in columns from the crossing.
+    pub const PROFILE_OFFSETS: [f32; 8] = [-6.0, -4.0, -2.5, -1.25, 1.25, 2.5, 4.0, 6.0];
+
+    /// Whether this crossing was found along a row, so that its row is a whole number.
+    pub fn is_in_row(&self) -> bool {
+        self.y.fract() == 0.0
+    }
+}
+
+/// A curve: a run of points and what is common to them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Curve {
+    /// The curve's number, its index in the list.
+    pub label: u32,
+    /// Index of its first point.
+    pub first: u32,
+    /// Number of its points.
+    pub count: u32,
+    /// Label of the curve it branches off, or [`NONE`](crate::NONE).
+    pub parent: u32,
+    /// Mean column of its points.
+    pub x: f32,
+    /// Mean row of its points.
+    pub y: f32,
+    /// Mean gradient magnitude of its points, in gray levels per pixel.
+    pub magnitude: f32,
+    /// Length along the curve, in pixels.
+    pub length: f32,
+}
+
+impl Curve {
+    /// The curve's points.
+    pub fn points<'a>(&self, points: &'a [Edge]) -> &'a [Edge] {
+        &points[self.range()]
+    }
+
+    /// The indices of the curve's points.
+    pub fn range(&self) -> std::ops::Range<usize> {
+        self.first as usize..self.first as usize + self.count as usize
+    }
+}
+
+/// The R-table of one curve.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Table {
+    /// The curve's label.
+    pub curve: u32,
+    /// Index of its first entry.
+    pub first: u32,
+    /// Number of its entries.
+    pub count: u32,
+    /// Column of the reference point, the curve's centroid.
+    pub x: f32,
+    /// Row of the reference point.
+    pub y: f32,
+    /// Sum of the weights of its entries: what a perfect match would collect.
+    pub weight: f32,
+}
+
+/// One entry of an R-table; a table's entries are sorted by orientation.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Entry {
+    /// Orientation it is filed under, in radians.
+    pub orientation: f32,
+    /// Columns from the point to the reference point.
+    pub rx: f32,
+    /// Rows from the point to the reference point.
+    pub ry: f32,
+    /// What its vote counts.
+    pub weight: f32,
+    /// Index of the point among the view's curve points.
+    pub point: u32,
+}
+
+/// A curve of the reference view whose partners were found in the two other views.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Match {
+    /// Labels of the three curves, left to right.
+    pub curves: [u32; 3],
+    /// Index of its first point.
+    pub first: u32,
+    /// Number of its points.
+    pub count: u32,
+    /// Votes collected by length, 0 to 1.
+    pub score: f32,
+    /// How far the closed loop misses its start, in pixels.
+    pub residual: f32,
+    /// Mean disparity in pixels.
+    pub disparity: f32,
+    /// Share of its neighbours in the graph that agree with it, 0 to 1.
+    pub support: f32,
+}
+
+/// A point of a match, in the reference view.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct MatchPoint {
+    /// Column.
+    pub x: f32,
+    /// Row.
+    pub y: f32,
+    /// Disparity between neighbouring views, in pixels.
+    pub disparity: f32,
+    /// Confidence, 0 to 1, higher is surer.
+    pub score: f32,
+    /// Index of the point among the reference view's curve points of this channel.
+    pub point: u32,
+    /// 0: seen in all three views; 1: filled in along the curve.
+    pub filled: u32,
+}
+
+/// A point in space, in the reference camera's optical frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Point {
+    /// Metres to the right.
+    pub x: f32,
+    /// Metres down.
+    pub y: f32,
+    /// Metres forward.
+    pub z: f32,
+    /// Column in the reference view.
+    pub u: f32,
+    /// Row in the reference view.
+    pub v: f32,
+    /// Disparity between neighbouring views, in pixels.
+    pub disparity: f32,
+    /// Confidence, 0 to 1, higher is surer.
+    pub score: f32,
+    /// Label of the reference view's curve in the point's channel.
+    pub curve: u32,
+    /// Index of the channel it comes from.
+    pub channel: u32,
+}
+
+/// A list with fixed room, filled in place.
+#[derive(Debug)]
+pub struct List<'a, T> {
+    slots: &'a mut [T],
+    len: usize,
+    refused: usize,
+}
+
+impl<'a, T: Copy> List<'a, T> {
+    /// An empty list with room for as many elements as there are slots.
+    pub fn new(slots: &'a mut [T]) -> Self {
+        Self {
+            slots,
+            len: 0,
+            refused: 0,
+        }
+    }
+
+    /// Appends an element; without room for it, it is counted in [`refused`](Self::refused).
+    pub fn push(&mut self, element: T) {
+        if let Some(slot) = self.slots.get_mut(self.len) {
+            *slot = element;
+            self.len += 1;
+        } else {
+            self.refused += 1;
+        }
+    }
+
+    /// Appends all elements, as [`push`](Self::push) does.
+    pub fn extend_from_slice(&mut self, elements: &[T]) {
+        let room = elements.len().min(self.slots.len() - self.len);
+        self.slots[self.len..self.len + room].copy_from_slice(&elements[..room]);
+        self.len += room;
+        self.refused += elements.len() - room;
+    }
+
+    /// Appends `count` elements whose values are whatever lies there, to be written by the caller; fewer without room.
+    pub fn grow(&mut self, count: usize) -> &mut [T] {
+        let room = count.min(self.slots.len() - self.len);
+        self.refused += count - room;
+        let start = self.len;
+        self.len += room;
+        &mut self.slots[start..start + room]
+    }
+
+    /// Keeps the first `len` elements.
+    pub fn truncate(&mut self, len: usize) {
+        self.len = self.len.min(len);
+    }
+
+    /// Forgets all elements and the count of the refused.
+    pub fn clear(&mut self) {
+        self.len = 0;
+        self.refused = 0;
+    }
+
+    /// Number of elements there is room for.
+    pub fn capacity(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Number of elements that found no room.
+    pub fn refused(&self) -> usize {
+        self.refused
+    }
+}
+
+impl<T> Deref for List<'_, T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &self.slots[..self.len]
+    }
+}
+
+impl<T> DerefMut for List<'_, T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        &mut self.slots[..self.len]
+    }
+}
+
+/// A kind of message: the names, types and worst cases of its sections.
+pub trait Message: 'static {
+    /// Which kind.
+    const KIND: Kind;
+    /// How a reader sees it.
+    type View<'a>: Copy + std::fmt::Debug;
+    /// How a maker fills it.
+    type Room<'a>;
+
+    /// The most elements each section can have for an image of this size.
+    fn capacities(size: Size) -> [usize; SECTIONS];
+
+    /// The bytes of one element of each section.
+    fn element_bytes() -> [usize; SECTIONS];
+
+    /// Sees sections of these lengths in a payload laid out for images up to `size`; `None` when they exceed it.
+    fn view(words: &[u64], size: Size, lens: [u32; SECTIONS]) -> Option<Self::View<'_>>;
+
+    /// Sees the whole room of a payload laid out for images up to `size`, empty; `None` when the payload is smaller.
+    fn room(words: &mut [u64], size: Size) -> Option<Self::Room<'_>>;
+
+    /// How much of the room was filled.
+    fn lens(room: &Self::Room<'_>) -> [u32; SECTIONS];
+
+    /// How many elements found no room.
+    fn refused(room: &Self::Room<'_>) -> usize;
+
+    /// Copies what a reader sees into a maker's room.
+    fn copy(view: Self::View<'_>, room: &mut Self::Room<'_>);
+
+    /// Where each section starts, and where the last ends, in bytes, for images up to `size`.
+    fn offsets(size: Size) -> [usize; SECTIONS + 1] {
+        let mut offsets = [0; SECTIONS + 1];
+        let bytes = Self::element_bytes();
+        for (i, capacity) in Self::capacities(size).into_iter().enumerate() {
+            offsets[i + 1] = (offsets[i] + capacity * bytes[i]).next_multiple_of(ALIGNMENT);
+        }
+        offsets
+    }
+
+    /// The words a payload needs for images up to `size`.
+    fn words(size: Size) -> usize {
+        Self::offsets(size)[SECTIONS] / size_of::<u64>()
+    }
+}
+
+/// One kind of message: its three types and its line in the trait.
+macro_rules! message {
+    ($(#[$about:meta])* $name:ident, $view:ident, $room:ident {
+        $($(#[$doc:meta])* $section:ident: $element:ty = |$size:ident| $capacity:expr,)+
+    }) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug)]
+        pub struct $name;
+
+        $(#[$about])*
+        ///
+        /// As its readers see it.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $view<'a> { $($(#[$doc])* pub $section: &'a [$element],)+ }
+
+        $(#[$about])*
+        ///
+        /// As its maker fills it.
+        #[derive(Debug)]
+        pub struct $room<'a> { $($(#[$doc])* pub $section: List<'a, $element>,)+ }
+
+        impl $room<'_> {
+            /// Empties every section.
+            pub fn clear(&mut self) {
+                $(self.$section.clear();)+
+            }
+
+            /// What has been filled in so far.
+            pub fn as_view(&self) -> $view<'_> {
+                $view { $($section: &self.$section,)+ }
+            }
+        }
+
+        impl Message for $name {
+            const KIND: Kind = Kind::$name;
+            type View<'a> = $view<'a>;
+            type Room<'a> = $room<'a>;
+
+            fn capacities(size: Size) -> [usize; SECTIONS] {
+                let mut all = [0; SECTIONS];
+                for (slot, capacity) in all.iter_mut().zip([$({ let $size = size; $capacity }),+]) {
+                    *slot = capacity;
+                }
+                all
+            }
+
+            fn element_bytes() -> [usize; SECTIONS] {
+                let mut all = [1; SECTIONS];
+                for (slot, bytes) in all.iter_mut().zip([$(size_of::<$element>()),+]) {
+                    *slot = bytes;
+                }
+                all
+            }
+
+            fn view(words: &[u64], size: Size, lens: [u32; SECTIONS]) -> Option<$view<'_>> {
+                let bytes: &[u8] = bytemuck::cast_slice(words);
+                let offsets = Self::offsets(size);
+                let mut sections = offsets.windows(2).zip(lens);
+                Some($view { $($section: {
+                    let (bounds, len) = sections.next()?;
+                    let used = (len as usize).checked_mul(size_of::<$element>())?;
+                    bytemuck::try_cast_slice(bytes.get(bounds[0]..bounds[1])?.get(..used)?).ok()?
+                },)+ })
+            }
+
+            fn room(words: &mut [u64], size: Size) -> Option<$room<'_>> {
+                let mut rest: &mut [u8] = bytemuck::cast_slice_mut(words);
+                let offsets = Self::offsets(size);
+                let mut sections = offsets.windows(2).zip(Self::capacities(size));
+                if rest.len() < offsets[SECTIONS] {
+                    return None;
+                }
+                Some($room { $($section: {
+                    let (bounds, capacity) = sections.next()?;
+                    let (section, tail) = rest.split_at_mut(bounds[1] - bounds[0]);
+                    rest = tail;
+                    let slots = section.get_mut(..capacity * size_of::<$element>())?;
+                    List::new(bytemuck::try_cast_slice_mut(slots).ok()?)
+                },)+ })
+            }
+
+            fn lens(room: &$room<'_>) -> [u32; SECTIONS] {
+                let mut all = [0; SECTIONS];
+                for (slot, len) in all.iter_mut().zip([$(room.$section.len()),+]) {
+                    *slot = len as u32;
+                }
+                all
+            }
+
+            fn refused(room: &$room<'_>) -> usize {
+                0 $(+ room.$section.refused())+
+            }
+
+            fn copy(view: $view<'_>, room: &mut $room<'_>) {
+                $(room.$section.extend_from_slice(view.$section);)+
+            }
+        }
+    };
+}
+
+message! {
+    /// A view as taken: 8 bit gray, row by row without gaps.
+    Image, ImageView, ImageRoom {
+        /// `height` rows of `width` pixels.
+        pixels: u8 = |size| size.pixels(),
+    }
+}
+
+message! {
+    /// The zero-crossings of a view in a channel, in raster order.
+    Edges, EdgesView, EdgesRoom {
+        /// At most one a pixel.
+        edges: Edge = |size| size.pixels(),
+    }
+}
+
+message! {
+    /// The curves of a view in a channel.
+    Curves, CurvesView, CurvesRoom {
+        /// By label.
+        curves: Curve = |size| size.pixels() / 2,
+        /// Curve by curve, each in order along the curve.
+        points: Edge = |size| size.pixels() + size.pixels() / 2,
+    }
+}
+
+message! {
+    /// The R-tables of a view in a channel, and where its curve points lie.
+    Tables, TablesView, TablesRoom {
+        /// One a curve, by label.
+        tables: Table = |size| size.pixels() / 2,
+        /// Table by table.
+        entries: Entry = |size| size.pixels() + size.pixels() / 2,
+        /// `height` + 1 offsets into `order`: where each row's points start and end. A point between two rows
+        /// belongs to the upper.
+        rows: u32 = |size| size.height as usize + 1,
+        /// Indices of the curve points, row by row, left to right.
+        order: u32 = |size| size.pixels() + size.pixels() / 2,
+    }
+}
+
+message! {
+    /// The matched curves of a channel.
+    Matches, MatchesView, MatchesRoom {
+        /// In the order of the reference view's curves.
+        matches: Match = |size| size.pixels() / 2,
+        /// Match by match, along the reference view's curve.
+        points: MatchPoint = |size| size.pixels() + size.pixels() / 2,
+    }
+}
+
+message! {
+    /// The disparity picture in the reference view, pixels between neighbouring views; NaN where unknown.
+    Disparity, DisparityView, DisparityRoom {
+        /// `height` rows of `width` values.
+        disparity: f32 = |size| size.pixels(),
+    }
+}
+
+message! {
+    /// The scan's result: all trusted points of all channels.
+    Points, PointsView, PointsRoom {
+        /// Row by row, left to right.
+        points: Point = |size| size.pixels() + size.pixels() / 2,
+    }
+}
+
+impl CurvesView<'_> {
+    /// Whether every curve's points exist; false for a damaged message.
+    pub fn is_sound(&self) -> bool {
+        let fits = |c: &Curve| c.first as usize + c.count as usize <= self.points.len();
+        self.curves.iter().all(fits)
+    }
+}
+
+impl TablesView<'_> {
+    /// Whether every index stays inside the message and its curves; false for a damaged message.
+    pub fn is_sound(&self, points: usize) -> bool {
+        let inside = |t: &Table| t.first as usize + t.count as usize <= self.entries.len();
+        self.tables.iter().all(inside)
+            && self.entries.iter().all(|e| (e.point as usize) < points)
+            && self.order.iter().all(|&p| (p as usize) < points)
+            && self.rows.is_sorted()
+            && self.rows.last().is_none_or(|&end| end as usize <= self.order.len())
+    }
+}
+
+impl MatchesView<'_> {
+    /// Whether every match's points exist; false for a damaged message.
+    pub fn is_sound(&self) -> bool {
+        let fits = |m: &Match| m.first as usize + m.count as usize <= self.points.len();
+        self.matches.iter().all(fits)
+    }
+}
+
+/// A message in memory of one's own: for replay, tests and offline work.
+#[derive(Clone)]
+pub struct Owned<M> {
+    /// Its head.
+    pub header: Header,
+    words: Vec<u64>,
+    room: Size,
+    kind: std::marker::PhantomData<M>,
+}
+
+impl<M: Message> Owned<M> {
+    /// An empty message with room for images up to `size`.
+    pub fn new(size: Size) -> Self {
+        Self {
+            header: Header::new(0, 0, size),
+            words: vec![0; M::words(size)],
+            room: size,
+            kind: std::marker::PhantomData,
+        }
+    }
+
+    /// Lets `fill` make the payload anew, and gives back what `fill` gives.
+    #[expect(clippy::missing_panics_doc, reason = "the words were made for this size")]
+    pub fn fill<R>(&mut self, fill: impl FnOnce(&mut M::Room<'_>) -> R) -> R {
+        #[expect(clippy::expect_used, reason = "the words were made for this size")]
+        let mut room = M::room(&mut self.words, self.room).expect("room for its own size");
+        let result = fill(&mut room);
+        self.header.lens = M::lens(&room);
+        result
+    }
+
+    /// The payload.
+    #[expect(clippy::missing_panics_doc, reason = "the lengths came from the room")]
+    pub fn view(&self) -> M::View<'_> {
+        #[expect(clippy::expect_used, reason = "the lengths came from the room")]
+        M::view(&self.words, self.room, self.header.lens).expect("lengths of its own room")
+    }
+}
+
+impl<M: Message> std::fmt::Debug for Owned<M> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Owned")
+            .field("kind", &M::KIND)
+            .field("header", &self.header)
+            .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_into_a_room_is_what_a_view_shows() {
+        let mut curves = Owned::<Curves>::new(Size::new(33, 17));
+        curves.fill(|room| {
+            room.curves.push(Curve { label: 7, ..Curve::default() });
+            room.points.extend_from_slice(&[Edge { x: 1.5, ..Edge::default() }; 3]);
+        });
+        let view = curves.view();
+        assert_eq!(view.curves[0].label, 7);
+        assert_eq!(view.points.len(), 3);
+        assert_eq!(view.points[2].x, 1.5);
+    }
+
+    #[test]
+    fn a_full_list_counts_what_it_refuses() {
+        let mut slots = [0u32; 2];
+        let mut list = List::new(&mut slots);
+        list.push(1);
+        list.extend_from_slice(&[2, 3, 4]);
+        list.push(5);
+        assert_eq!(&*list, &[1, 2]);
+        assert_eq!(list.refused(), 3);
+    }
+
+    #[test]
+    fn lengths_beyond_the_room_are_not_shown() {
+        let size = Size::new(8, 4);
+        let words = vec![0; Edges::words(size)];
+        assert!(Edges::view(&words, size, [32, 0, 0, 0]).is_some());
+        // The section may be padded up to a cache line, never beyond.
+        assert!(Edges::view(&words, size, [35, 0, 0, 0]).is_none());
+        assert!(Edges::view(&words, size, [u32::MAX, 0, 0, 0]).is_none());
+    }
+
+    #[test]
+    fn every_section_starts_on_a_cache_line() {
+        let offsets = Tables::offsets(Size::new(101, 37));
+        assert!(offsets.iter().all(|offset| offset % ALIGNMENT == 0));
+        assert!(offsets.is_sorted());
+    }
+}

@@ -1,0 +1,1 @@
+//! Where scans come from: rendered scenes, folders of images, calibration

@@ -1,0 +1,1 @@
+//! Laplacian of Gaussian by FFT, zero-crossings, gradients

@@ -1,0 +1,1 @@
+//! Generalized Hough transform: every curve becomes an R-table

@@ -1,0 +1,1 @@
+//! Three-view matching: R-tables become disparities

@@ -1,0 +1,1 @@
+//! Raster tracking: zero-crossings become curves
