@@ -1,0 +1,153 @@
+//! Where a point may lie in the two other views: the multi-position criterion, point by point.
+//!
+//! A point seen at x in the reference view is expected at x − k·d in the view k steps to its right. Of all pairs of
+//! points in the two other views that one disparity explains within a tolerance, the best few are kept. The long base
+//! between the outer views gives the precision, the short one the uniqueness.
+
+use crate::rows::{Rows, Spot, turn};
+use crate::surroundings::Surroundings;
+use crate::{Range, Steps};
+
+/// A pair of points in the two other views that may show the same place as a point of the reference view.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Candidate {
+    /// Disparity between neighbouring views.
+    pub(crate) disparity: f32,
+    /// How unlike the three points are; 0 is perfect.
+    pub(crate) cost: f32,
+    /// How far the three columns are from one straight motion, in pixels.
+    pub(crate) bend: f32,
+    /// The indices of the two spots, in the near and in the far view.
+    pub(crate) spots: [u32; 2],
+}
+
+/// How likeness is weighed.
+#[derive(Clone, Debug)]
+pub(crate) struct Likeness {
+    /// Radians within which gradients may differ.
+    pub(crate) turn: f32,
+    /// Pixels by which the far view's column may miss the prediction.
+    pub(crate) miss: f32,
+    /// Below this |cos| of the orientation a contour is too flat to be matched point by point.
+    pub(crate) flat: f32,
+    /// Cost of the greatest turn.
+    pub(crate) turn_cost: f32,
+    /// Cost of the greatest miss.
+    pub(crate) miss_cost: f32,
+    /// Cost of one gray level.
+    pub(crate) gray_cost: f32,
+    /// Most that gray levels cost.
+    pub(crate) gray_most: f32,
+    /// Weight of the better side, of one.
+    pub(crate) better: f32,
+    /// Cost of a doubled magnitude.
+    pub(crate) magnitude_cost: f32,
+    /// Cost of being alone against the surroundings.
+    pub(crate) prior_cost: f32,
+    /// Candidates dearer than this are not kept.
+    pub(crate) most: f32,
+    /// How many are kept a point.
+    pub(crate) keep: usize,
+}
+
+/// The candidates of all points of the reference view.
+#[derive(Debug, Default)]
+pub(crate) struct Candidates {
+    /// Point by point, cheapest first.
+    list: Vec<Candidate>,
+    /// Start and number of each point's candidates.
+    of_point: Vec<(u32, u32)>,
+}
+
+impl Candidates {
+    /// The candidates of a point, cheapest first.
+    pub(crate) fn of(&self, point: usize) -> &[Candidate] {
+        let (start, count) = self.of_point[point];
+        &self.list[start as usize..(start + count) as usize]
+    }
+
+    /// Collects the candidates of every point of the reference view.
+    pub(crate) fn gather(
+        &mut self,
+        rows: &[Rows; 3],
+        steps: Steps,
+        range: Range,
+        like: &Likeness,
+        prior: Option<&Surroundings>,
+    ) {
+        let reference = &rows[steps.reference];
+        let (near, far) = (&rows[steps.near], &rows[steps.far]);
+        self.list.clear();
+        self.of_point.clear();
+        self.of_point.resize(reference.curve_of.len(), (0, 0));
+        for row in 0..reference.count() {
+            for spot in &reference.spots[reference.row(row)] {
+                if spot.orientation.cos().abs() < like.flat {
+                    continue;
+                }
+                let start = self.list.len();
+                let ends = [spot.x - steps.to_near * range.most, spot.x - steps.to_near * range.least];
+                let (least, most) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+                for n in near.between(row, least, most) {
+                    let beside = &near.spots[n];
+                    let near_turn = turn(spot.orientation, beside.orientation);
+                    if near_turn > like.turn {
+                        continue;
+                    }
+                    let short = (spot.x - beside.x) / steps.to_near;
+                    let expected = spot.x - steps.to_far * short;
+                    for f in far.between(row, expected - like.miss, expected + like.miss) {
+                        let beyond = &far.spots[f];
+                        let far_turn = turn(spot.orientation, beyond.orientation);
+                        if far_turn > like.turn {
+                            continue;
+                        }
+                        let xs = steps.in_order(spot.x, beside.x, beyond.x);
+                        let disparity = (xs[0] - xs[2]) / 2.0;
+                        let bend = xs[1] - (xs[0] + xs[2]) / 2.0;
+                        let mut cost = like.turn_cost * (near_turn + far_turn) / (2.0 * like.turn)
+                            + like.miss_cost * (beyond.x - expected).abs() / like.miss
+                            + like.gray(spot, beside, beyond)
+                            + like.magnitude(spot, beside, beyond);
+                        if let Some(prior) = prior {
+                            cost += like.prior_cost * prior.strangeness(spot.x, row as f32, disparity);
+                        }
+                        if cost < like.most && (range.least..=range.most).contains(&disparity) {
+                            let spots = [n as u32, f as u32];
+                            self.list.push(Candidate { disparity, cost, bend, spots });
+                        }
+                    }
+                }
+                let own = &mut self.list[start..];
+                own.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.spots.cmp(&b.spots)));
+                self.list.truncate(start + like.keep.min(self.list.len() - start));
+                self.of_point[spot.point as usize] = (start as u32, (self.list.len() - start) as u32);
+            }
+        }
+    }
+}
+
+impl Likeness {
+    /// Cost of the gray levels beside the three points: each side for itself, the better one weighing more, because
+    /// at an occluding edge only one side is preserved.
+    fn gray(&self, a: &Spot, b: &Spot, c: &Spot) -> f32 {
+        let side = |samples: [usize; 4]| -> f32 {
+            let difference = |i: usize| {
+                (a.profile[i].abs_diff(b.profile[i]) as f32) + (a.profile[i].abs_diff(c.profile[i]) as f32)
+            };
+            samples.into_iter().zip(WEIGHTS).map(|(i, weight)| weight * difference(i)).sum::<f32>() / 2.0
+        };
+        let (left, right) = (side([3, 2, 1, 0]), side([4, 5, 6, 7]));
+        let mean = self.better * left.min(right) + (1.0 - self.better) * left.max(right);
+        (self.gray_cost * mean).min(self.gray_most)
+    }
+
+    fn magnitude(&self, a: &Spot, b: &Spot, c: &Spot) -> f32 {
+        let least = a.magnitude.min(b.magnitude).min(c.magnitude);
+        let most = a.magnitude.max(b.magnitude).max(c.magnitude);
+        self.magnitude_cost * (most / least.max(1e-3)).log2().min(2.0)
+    }
+}
+
+/// How the samples of a side count, from the edge outwards; they sum to one.
+const WEIGHTS: [f32; 4] = [0.2, 0.35, 0.3, 0.15];

@@ -1,0 +1,89 @@
+//! One result of all channels: the finest, and coarser ones where it has nothing.
+
+use messages::{Calibration, DisparityRoom, MatchesRoom, NONE, Point, PointsRoom, Size};
+
+/// The fusion, with its memory.
+#[derive(Debug, Default)]
+pub(crate) struct Fuse {
+    /// For every pixel the channel that has a point near, or [`NONE`].
+    taken: Vec<u32>,
+    /// For every pixel the score of the point whose disparity it shows.
+    scores: Vec<f32>,
+}
+
+impl Fuse {
+    /// Fills the disparity picture and the list of points; `channels` are coarse to fine, each with its matches and
+    /// the label of the reference view's curve in each.
+    pub(crate) fn fuse(
+        &mut self,
+        channels: &[MatchesRoom<'_>],
+        reference: usize,
+        size: Size,
+        calibration: &Calibration,
+        fill_in: Option<usize>,
+        disparity: &mut DisparityRoom<'_>,
+        points: &mut PointsRoom<'_>,
+    ) {
+        let (width, height) = (size.width as usize, size.height as usize);
+        self.taken.clear();
+        self.taken.resize(size.pixels(), NONE);
+        self.scores.clear();
+        self.scores.resize(size.pixels(), f32::NEG_INFINITY);
+        disparity.clear();
+        points.clear();
+        let picture = disparity.disparity.grow(size.pixels());
+        picture.fill(f32::NAN);
+        let finest = channels.len().saturating_sub(1);
+        for (channel, matches) in channels.iter().enumerate().rev() {
+            if channel < finest && fill_in.is_none() {
+                break;
+            }
+            let start = points.points.len();
+            for found in matches.matches.iter() {
+                for point in &matches.points[found.first as usize..(found.first + found.count) as usize] {
+                    let (column, row) = (point.x.round() as usize, point.y.round() as usize);
+                    if column >= width || row >= height || !(point.disparity > 0.0) {
+                        continue;
+                    }
+                    let pixel = row * width + column;
+                    if self.taken[pixel] != NONE && self.taken[pixel] != channel as u32 {
+                        continue;
+                    }
+                    let place = (f64::from(point.x), f64::from(point.y), f64::from(point.disparity));
+                    let [x, y, z] = calibration.point_m(place.0, place.1, place.2).map(|metres| metres as f32);
+                    points.points.push(Point {
+                        x,
+                        y,
+                        z,
+                        u: point.x,
+                        v: point.y,
+                        disparity: point.disparity,
+                        score: point.score,
+                        curve: found.curves[reference],
+                        channel: channel as u32,
+                    });
+                    if let Some(shown) = picture.get_mut(pixel).filter(|_| point.score > self.scores[pixel]) {
+                        *shown = point.disparity;
+                        self.scores[pixel] = point.score;
+                    }
+                }
+            }
+            // Only now is the place taken: points of one channel do not exclude each other.
+            let reach = fill_in.unwrap_or(0);
+            for point in &points.points[start..] {
+                let (column, row) = (point.u.round() as usize, point.v.round() as usize);
+                for row in row.saturating_sub(reach)..(row + reach + 1).min(height) {
+                    let from = row * width + column.saturating_sub(reach);
+                    let to = row * width + (column + reach + 1).min(width);
+                    for taken in self.taken[from..to].iter_mut().filter(|taken| **taken == NONE) {
+                        *taken = channel as u32;
+                    }
+                }
+            }
+        }
+        points.points.sort_unstable_by(|a, b| {
+            let key = |p: &Point| (p.v.floor(), p.u);
+            key(a).0.total_cmp(&key(b).0).then(a.u.total_cmp(&b.u)).then(a.v.total_cmp(&b.v)).then(a.curve.cmp(&b.curve))
+        });
+    }
+}

@@ -1,0 +1,101 @@
+//! A view's curve points by image row: what every search along an epipolar line walks.
+
+use messages::{Edge, NONE};
+
+use crate::ChannelView;
+
+/// A curve point as the search along its row sees it: all that is compared, side by side in memory.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Spot {
+    /// Column, sub-pixel.
+    pub(crate) x: f32,
+    /// Direction of the gradient in radians.
+    pub(crate) orientation: f32,
+    /// Magnitude of the gradient.
+    pub(crate) magnitude: f32,
+    /// Gray levels beside the point, in its row.
+    pub(crate) profile: [u8; 8],
+    /// Index among the view's curve points.
+    pub(crate) point: u32,
+    /// Label of its curve.
+    pub(crate) curve: u32,
+}
+
+/// The points that were found along rows, row by row, left to right.
+///
+/// A point between two rows has no exact column, so it is not searched for; its disparity is filled in along its
+/// curve.
+#[derive(Debug, Default)]
+pub(crate) struct Rows {
+    /// Row by row, left to right.
+    pub(crate) spots: Vec<Spot>,
+    /// Where each row starts, and where the last ends.
+    starts: Vec<u32>,
+    /// The curve each point belongs to.
+    pub(crate) curve_of: Vec<u32>,
+}
+
+impl Rows {
+    /// Takes in the points of a view.
+    pub(crate) fn fill(&mut self, view: &ChannelView<'_>) {
+        let points = view.curves.points;
+        self.curve_of.clear();
+        self.curve_of.resize(points.len(), NONE);
+        for (label, curve) in (0..).zip(view.curves.curves) {
+            self.curve_of[curve.range()].fill(label);
+        }
+        self.spots.clear();
+        self.starts.clear();
+        self.starts.push(0);
+        for ends in view.tables.rows.windows(2) {
+            for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
+                let edge = &points[point as usize];
+                if edge.is_in_row() {
+                    self.spots.push(Spot::new(edge, point, self.curve_of[point as usize]));
+                }
+            }
+            self.starts.push(self.spots.len() as u32);
+        }
+    }
+
+    /// Number of rows.
+    pub(crate) fn count(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// The indices of a row's spots; none outside the image.
+    pub(crate) fn row(&self, row: usize) -> std::ops::Range<usize> {
+        match self.starts.get(row..row + 2) {
+            Some(ends) => ends[0] as usize..ends[1] as usize,
+            None => 0..0,
+        }
+    }
+
+    /// The indices of a row's spots from column `least` on, up to column `most`.
+    pub(crate) fn between(&self, row: usize, least: f32, most: f32) -> std::ops::Range<usize> {
+        let row = self.row(row);
+        let spots = &self.spots[row.clone()];
+        let start = spots.partition_point(|spot| spot.x < least);
+        let len = spots[start..].partition_point(|spot| spot.x <= most);
+        row.start + start..row.start + start + len
+    }
+}
+
+impl Spot {
+    fn new(edge: &Edge, point: u32, curve: u32) -> Self {
+        Self {
+            x: edge.x,
+            orientation: edge.orientation,
+            magnitude: edge.magnitude,
+            profile: edge.profile,
+            point,
+            curve,
+        }
+    }
+}
+
+/// The angle between two orientations, in radians, 0 to π.
+pub(crate) fn turn(a: f32, b: f32) -> f32 {
+    let turn = (a - b).abs();
+    if turn > std::f32::consts::PI { std::f32::consts::TAU - turn } else { turn }
+}

@@ -1,0 +1,101 @@
+//! The node's settings.
+
+use serde::{Deserialize, Serialize};
+
+/// Which view the results refer to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Reference {
+    /// The left one, as in the thesis.
+    #[default]
+    Left,
+    /// The central one: fewer occlusions, a shorter base to either side.
+    Centre,
+    /// The right one.
+    Right,
+}
+
+/// What is assigned to what.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Assignment {
+    /// Every point along a curve chooses its partners for itself, and pays for disagreeing with its neighbours.
+    #[default]
+    Point,
+    /// Whole curves, as in the thesis: R-table votes, a closed loop, then differences row by row.
+    Curve,
+}
+
+messages::settings! {
+    /// How curves are matched.
+    pub struct Settings {
+        /// The view the results refer to: left, centre or right.
+        pub reference: Reference = Reference::Left;
+        /// What is assigned: point (each point along a curve) or curve (the thesis).
+        pub assignment: Assignment = Assignment::Point;
+        /// Least disparity between neighbouring views, in pixels.
+        pub disparity_least: f32 = 0.0, in 0..=4096;
+        /// Greatest disparity between neighbouring views, in pixels; by default an eighth of the image's width.
+        pub disparity_most: Option<f32> = None, in 0..=4096;
+        /// Degrees by which gradients of partners may differ.
+        pub orientation_tolerance: f32 = 25.0, in 1..=90;
+        /// Pixels by which the far view may miss what the near one predicts.
+        pub miss: f32 = 0.8, in 0.1..=8;
+        /// Degrees from horizontal up to which a contour is filled in along the curve instead of matched.
+        pub flat: f32 = 9.0, in 0..=80;
+        /// Candidates kept a point.
+        pub candidates: usize = 8, in 1..=32;
+        /// Cost of the greatest turn allowed; a point without a candidate costs `nothing`.
+        pub turn_cost: f32 = 0.3, in 0..=10;
+        /// Cost of the greatest miss allowed.
+        pub miss_cost: f32 = 0.2, in 0..=10;
+        /// Cost of one gray level of difference beside the edge.
+        pub gray_cost: f32 = 0.05, in 0..=10;
+        /// Most that gray levels cost.
+        pub gray_most: f32 = 2.0, in 0..=10;
+        /// How many times more the better side of an edge weighs than the worse one.
+        pub better_side: f32 = 4.0, in 1..=100;
+        /// Cost of a doubled gradient magnitude.
+        pub magnitude_cost: f32 = 0.1, in 0..=10;
+        /// Cost of a point that chooses no candidate.
+        pub nothing: f32 = 1.0, in 0..=10;
+        /// Cost of a pixel of change in disparity along a curve.
+        pub change: f32 = 0.5, in 0..=10;
+        /// Most that a change along a curve costs.
+        pub jump: f32 = 2.0, in 0..=100;
+        /// Cost of going over to another curve in the neighbouring view.
+        pub crossing: f32 = 0.2, in 0..=10;
+        /// Cost of a disparity that nothing around knows, from the next coarser channel.
+        pub prior_cost: f32 = 0.3, in 0..=10;
+        /// The same in a second pass over the channel, from the first one's points.
+        pub relaxation_cost: f32 = 0.5, in 0..=10;
+        /// Passes over a channel after the first, each asking what the one before found around.
+        pub relaxations: usize = 1, in 0..=8;
+        /// Pixels a cell of these surroundings measures.
+        pub cell: f32 = 16.0, in 4..=128;
+        /// Pixels of disparity between neighbours in a run of steady disparity.
+        pub steady: f32 = 1.0, in 0.1..=16;
+        /// Points without a disparity that a run bridges, and that are filled in.
+        pub gap: usize = 6, in 0..=64;
+        /// Points seen in a run that is trusted.
+        pub run: usize = 8, in 1..=256;
+        /// Points to either side to which a line is fitted for a disparity; 0 keeps it as measured.
+        pub straighten: usize = 2, in 0..=16;
+        /// Pixels around a point within which neighbours are asked for support.
+        pub support_radius: f32 = 12.0, in 1..=32;
+        /// Nearest neighbours asked.
+        pub support_nearest: u32 = 24, in 1..=256;
+        /// Share of them that must agree; 0 asks nobody.
+        pub support_share: f32 = 0.7, in 0..=1;
+        /// Pixels of disparity within which neighbours agree.
+        pub support_within: f32 = 2.0, in 0.1..=16;
+        /// Pixels of disparity more, a pixel of distance.
+        pub support_slope: f32 = 0.1, in 0..=2;
+        /// Neighbours there must be.
+        pub support_least: u32 = 0, in 0..=256;
+        /// Pixels around a finer channel's points that coarser ones leave alone.
+        pub fill_in_radius: usize = 2, in 0..=32;
+        /// Whether coarser channels fill in at all.
+        pub fill_in: bool = true;
+    }
+}
