@@ -1,1 +1,607 @@
-//! The bus.
+//! The bus: how nodes exchange messages between processes. The only code that names iceoryx2.
+//!
+//! ```text
+//!                 topics: one service each, payloads written and read in place in shared memory
+//!  node ─► Outputs ───────────────────────────────────────────────► Inputs ─► Bus::next ─► node
+//!    ▲                 inboxes: one event service a node, rung after each message
+//!    │
+//!    └── commands (standard input) ── launcher ◄── events (standard output)
+//! ```
+//!
+//! Flow control is at the door, in capture, and nowhere else: capture keeps fewer than [`Run::in_flight`] scans under
+//! way and every subscriber's buffer holds more than twice that, so no buffer overflows and no publisher blocks.
+//!
+//! A node never waits for another one, only for its inbox. A launcher that dies closes its children's standard input;
+//! they then end by themselves.
+
+mod control;
+mod inputs;
+mod meter;
+mod outputs;
+mod ports;
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, VecDeque};
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use crossbeam::channel::Receiver;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::header::Header;
+use crate::ledger::{Account, Ledger, Seen};
+use crate::rig::{Delivery, Rig};
+use crate::topic::{Kind, Stage, Topic};
+
+pub use control::{Command, Event, Level, Log, NodeReport, Progress};
+pub use inputs::{Inputs, Joined, Joins, Received};
+pub use meter::{Meter, Percentiles};
+pub use outputs::Outputs;
+
+use ports::{Ports, Reports};
+
+/// One node of a run, as the others need to know it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NodePlan {
+    /// Its name, unique in the run.
+    pub name: String,
+    /// The kinds of message it takes in.
+    pub takes: Vec<Kind>,
+    /// The stage it plays, if it makes data topics.
+    pub stage: Option<Stage>,
+    /// Whether a scan is done only when this node says so.
+    pub finishes: bool,
+}
+
+/// One run of a graph: what every process of it must know to meet the others and nobody else.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// Folder of the run, private to the user; the bus keeps its files there.
+    pub root: PathBuf,
+    /// What the names of the run's shared memory begin with.
+    pub prefix: String,
+    /// Views, channels, sizes.
+    pub rig: Rig,
+    /// What happens to a scan that finds the door closed.
+    pub delivery: Delivery,
+    /// How many scans may be under way.
+    pub in_flight: usize,
+    /// All nodes, in the order of the pipe.
+    pub nodes: Vec<NodePlan>,
+}
+
+impl Run {
+    /// Messages a subscriber's buffer holds: more than two windows, since a resend can double what is under way.
+    pub fn buffer(&self) -> usize {
+        2 * self.in_flight + 4
+    }
+
+    /// The nodes that take this kind of message.
+    fn takers(&self, kind: Kind) -> impl Iterator<Item = &NodePlan> {
+        self.nodes.iter().filter(move |n| n.takes.contains(&kind))
+    }
+
+    /// Bytes of shared memory that all scans under way need in the worst case, every pixel a zero-crossing.
+    pub fn worst_case_bytes(&self) -> u64 {
+        let size = self.rig.size;
+        let words = |kind| ports::words(kind, size) as u64 * 8;
+        let scan: u64 = Topic::all(&self.rig).iter().map(|t| words(t.kind)).sum();
+        scan * self.in_flight as u64
+    }
+}
+
+/// Why the bus failed.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// A port or service could not be made.
+    #[error("the bus could not {what}: {cause}")]
+    Port {
+        /// What it tried.
+        what: String,
+        /// What iceoryx2 said.
+        cause: String,
+    },
+    /// A message's lengths or indices do not fit.
+    #[error("scan {sequence} of {topic} is damaged: its lengths or indices do not fit")]
+    Damaged {
+        /// The topic.
+        topic: String,
+        /// The scan.
+        sequence: u64,
+    },
+    /// The node is not in the run's plan.
+    #[error("the run has no node named {0}")]
+    Unknown(String),
+}
+
+impl BusError {
+    fn port(what: impl Into<String>, cause: impl std::fmt::Debug) -> Self {
+        Self::Port {
+            what: what.into(),
+            cause: format!("{cause:?}"),
+        }
+    }
+}
+
+/// A node's account of one topic, as it goes.
+#[derive(Debug, Default)]
+struct Tally {
+    received: Option<Seen>,
+    published: Option<Seen>,
+    duplicates: u64,
+    dropped: BTreeMap<String, u64>,
+}
+
+/// What a node counts, shared by its ports.
+#[derive(Debug, Default)]
+struct Book {
+    topics: BTreeMap<String, Tally>,
+    done_below: u64,
+    meter: Meter,
+    /// When the node was handed its last message or published its last one.
+    mark: Option<Instant>,
+}
+
+impl Book {
+    fn tally(&mut self, topic: &str) -> &mut Tally {
+        self.topics.entry(topic.to_owned()).or_default()
+    }
+
+    fn received(&mut self, topic: &str, header: &Header) -> bool {
+        self.advance(header.done_below);
+        let tally = self.tally(topic);
+        let is_new = tally
+            .received
+            .get_or_insert_default()
+            .insert(header.sequence);
+        tally.duplicates += u64::from(!is_new);
+        is_new
+    }
+
+    fn published(&mut self, topic: &str, sequence: u64) {
+        let tally = self.tally(topic);
+        tally.published.get_or_insert_default().insert(sequence);
+    }
+
+    fn advance(&mut self, done_below: u64) {
+        if done_below > self.done_below {
+            self.done_below = done_below;
+            for tally in self.topics.values_mut() {
+                let sets = [&mut tally.received, &mut tally.published];
+                for seen in sets.into_iter().flatten() {
+                    seen.advance(done_below);
+                }
+            }
+        }
+    }
+
+    fn accounts(&self) -> BTreeMap<String, Account> {
+        let account = |tally: &Tally| Account {
+            received: tally.received.map(|seen| seen.count()),
+            published: tally.published.map(|seen| seen.count()),
+            duplicates: tally.duplicates,
+            dropped: tally.dropped.clone(),
+            missing: tally.received.iter().flat_map(Seen::missing).collect(),
+        };
+        let entry = |(name, tally): (&String, &Tally)| (name.clone(), account(tally));
+        self.topics.iter().map(entry).collect()
+    }
+}
+
+/// What the launcher asked of a node between two messages.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// Begin: every port is connected.
+    Begin,
+    /// Send the scans under way once more: a node was restarted.
+    Resend,
+    /// Finish: take in no new scan, let the pipe drain.
+    Drain,
+    /// End now; the whole run's ledger, for who records it.
+    Stop(Box<Ledger>),
+}
+
+/// How often a node reports its ledger.
+const REPORT_EVERY: Duration = Duration::from_secs(1);
+
+/// A node's end of the bus.
+pub struct Bus {
+    run: Run,
+    name: String,
+    ports: Ports,
+    inbox: Listener<ipc::Service>,
+    commands: Receiver<Command>,
+    waiting: VecDeque<Request>,
+    reports: Reports,
+    book: Rc<RefCell<Book>>,
+    subscribers: Vec<Rc<ports::DataSubscriber>>,
+    next_report: Instant,
+}
+
+impl std::fmt::Debug for Bus {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Bus")
+            .field("name", &self.name)
+            .field("run", &self.run)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Bus {
+    /// Joins a run as the node of this name. Commands are read from standard input, events written to standard
+    /// output, so a process has one bus.
+    ///
+    /// # Errors
+    /// When the node is not in the plan or the shared memory cannot be set up.
+    pub fn join(run: Run, name: &str) -> Result<Self, BusError> {
+        if !run.nodes.iter().any(|node| node.name == name) {
+            return Err(BusError::Unknown(name.to_owned()));
+        }
+        let ports = Ports::new(&run, name)?;
+        let inbox = ports.inbox(name)?;
+        let commands = control::listen(&run, name)?;
+        let reports = ports.reports_out()?;
+        Ok(Self {
+            ports,
+            inbox,
+            commands,
+            reports,
+            waiting: VecDeque::new(),
+            book: Rc::default(),
+            subscribers: Vec::new(),
+            next_report: Instant::now() + REPORT_EVERY,
+            name: name.to_owned(),
+            run,
+        })
+    }
+
+    /// The run.
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// Subscribes to every topic of these kinds.
+    ///
+    /// # Errors
+    /// When a subscriber cannot be made.
+    pub fn inputs(&mut self, kinds: &[Kind]) -> Result<Inputs, BusError> {
+        let inputs = Inputs::new(&self.run, &self.ports, kinds, Rc::clone(&self.book))?;
+        self.subscribers.extend(inputs.subscribers());
+        Ok(inputs)
+    }
+
+    /// Subscribes to every topic of these kinds, to be handed over scan by scan.
+    ///
+    /// # Errors
+    /// When a subscriber cannot be made.
+    pub fn joins(&mut self, kinds: &[Kind]) -> Result<Joins, BusError> {
+        Ok(Joins::new(self.inputs(kinds)?))
+    }
+
+    /// Publishes every topic of these kinds.
+    ///
+    /// # Errors
+    /// When a publisher cannot be made.
+    pub fn outputs(&mut self, kinds: &[Kind]) -> Result<Outputs, BusError> {
+        Outputs::new(&self.run, &self.ports, kinds, Rc::clone(&self.book))
+    }
+
+    /// The way to say that a scan is done.
+    ///
+    /// # Errors
+    /// When the publisher cannot be made.
+    pub fn finisher(&mut self) -> Result<Finisher, BusError> {
+        let index = self.run.nodes.iter().position(|n| n.name == self.name);
+        Ok(Finisher {
+            publisher: self.ports.done_out()?,
+            doors: self.ports.bells(
+                self.run
+                    .nodes
+                    .iter()
+                    .filter(|n| n.stage == Some(Stage::Capture)),
+            )?,
+            index: index.unwrap_or_default() as u64,
+        })
+    }
+
+    /// Hears which scans are done; for the node at the door.
+    ///
+    /// # Errors
+    /// When the subscriber cannot be made.
+    pub fn dones(&mut self) -> Result<Dones, BusError> {
+        let subscriber = Rc::new(self.ports.done_in()?);
+        self.subscribers.push(Rc::clone(&subscriber));
+        let finishes = |(i, n): (usize, &NodePlan)| n.finishes.then_some(i as u64);
+        Ok(Dones {
+            subscriber,
+            finishers: self
+                .run
+                .nodes
+                .iter()
+                .enumerate()
+                .filter_map(finishes)
+                .collect(),
+            heard: BTreeMap::new(),
+        })
+    }
+
+    /// Hears what all nodes report; for who records it.
+    ///
+    /// # Errors
+    /// When the subscriber cannot be made.
+    pub fn hear_reports(&mut self) -> Result<ReportsIn, BusError> {
+        Ok(ReportsIn {
+            subscriber: self.ports.reports_in()?,
+        })
+    }
+
+    /// A bell of this node's own inbox, made in the calling thread: for a thread that has news for the node.
+    ///
+    /// # Errors
+    /// When the notifier cannot be made.
+    pub fn own_bell(run: &Run, name: &str) -> Result<Bell, BusError> {
+        Bell::new(run, name)
+    }
+
+    /// Tells the launcher that all ports are made, and waits for the word that everybody's are connected.
+    ///
+    /// # Errors
+    /// When a port cannot be connected.
+    pub fn ready(&mut self) -> Result<(), BusError> {
+        control::say(&Event::Ports);
+        loop {
+            match self.request(Duration::from_secs(1))? {
+                Some(Request::Begin) => return Ok(()),
+                Some(other) => {
+                    self.waiting.push_back(other);
+                    if self.is_stopping() {
+                        return Ok(());
+                    }
+                }
+                None => {}
+            }
+        }
+    }
+
+    fn is_stopping(&self) -> bool {
+        let stops = |r: &Request| matches!(r, Request::Stop(_));
+        self.waiting.iter().any(stops)
+    }
+
+    /// The next message of these inputs, the oldest scan first; waits for it. `None` when the node shall stop.
+    ///
+    /// # Errors
+    /// When a subscriber fails.
+    pub fn next(&mut self, inputs: &mut Inputs) -> Result<Option<Received>, BusError> {
+        loop {
+            self.obey()?;
+            if let Some(received) = inputs.receive()? {
+                self.book.borrow_mut().mark = Some(Instant::now());
+                return Ok(Some(received));
+            }
+            if self.is_stopping() {
+                return Ok(None);
+            }
+            self.sleep(self.until_report())?;
+        }
+    }
+
+    /// The next scan of which every input has come; waits for it. `None` when the node shall stop.
+    ///
+    /// # Errors
+    /// When a subscriber fails.
+    pub fn next_scan(&mut self, joins: &mut Joins) -> Result<Option<Joined>, BusError> {
+        loop {
+            self.obey()?;
+            if let Some(joined) = joins.receive()? {
+                self.book.borrow_mut().mark = Some(Instant::now());
+                return Ok(Some(joined));
+            }
+            if self.is_stopping() {
+                return Ok(None);
+            }
+            self.sleep(self.until_report())?;
+        }
+    }
+
+    /// The next request of the launcher; waits up to `timeout` for it or for the inbox.
+    ///
+    /// # Errors
+    /// When the inbox fails.
+    pub fn request(&mut self, timeout: Duration) -> Result<Option<Request>, BusError> {
+        self.obey()?;
+        if self.waiting.is_empty() && !timeout.is_zero() {
+            self.sleep(timeout.min(self.until_report()))?;
+            self.obey()?;
+        }
+        Ok(self.waiting.pop_front())
+    }
+
+    fn until_report(&self) -> Duration {
+        self.next_report.saturating_duration_since(Instant::now())
+    }
+
+    /// Sleeps until the inbox is rung or the time is over.
+    fn sleep(&self, timeout: Duration) -> Result<(), BusError> {
+        if !self.commands.is_empty() {
+            return Ok(());
+        }
+        ports::wait(&self.inbox, timeout)
+    }
+
+    /// Does what the launcher asked meanwhile, and reports when it is time to.
+    fn obey(&mut self) -> Result<(), BusError> {
+        while let Ok(command) = self.commands.try_recv() {
+            match command {
+                Command::Connect => {
+                    for subscriber in &self.subscribers {
+                        ports::connect(subscriber)?;
+                    }
+                    control::say(&Event::Connected);
+                }
+                Command::Begin => self.waiting.push_back(Request::Begin),
+                Command::Resend => self.waiting.push_back(Request::Resend),
+                Command::Drain => self.waiting.push_back(Request::Drain),
+                Command::Stop { ledger } => self.waiting.push_back(Request::Stop(Box::new(ledger))),
+            }
+        }
+        if self.next_report <= Instant::now() {
+            self.next_report = Instant::now() + REPORT_EVERY;
+            let report = self.report(serde_json::Value::Null);
+            self.reports.send(&report);
+            control::say(&Event::Report(report));
+        }
+        Ok(())
+    }
+
+    /// What this node has counted so far, with figures of its own.
+    pub fn report(&self, figures: serde_json::Value) -> NodeReport {
+        let book = self.book.borrow();
+        NodeReport {
+            node: self.name.clone(),
+            topics: book.accounts(),
+            milliseconds: book.meter.percentiles(),
+            figures,
+        }
+    }
+
+    /// Sends the last report: the node has done its work.
+    pub fn finish(&mut self, figures: serde_json::Value) {
+        let report = self.report(figures);
+        self.reports.send(&report);
+        control::say(&Event::Finished(report));
+    }
+
+    /// Tells the launcher how far the scans have come; for the node at the door.
+    pub fn progress(&self, progress: Progress) {
+        self.book.borrow_mut().advance(progress.done_below);
+        control::say(&Event::Progress(progress));
+    }
+
+    /// Counts a message of a topic that was lost, and why.
+    pub fn dropped(&self, topic: &Topic, cause: &str) {
+        let mut book = self.book.borrow_mut();
+        *book
+            .tally(&topic.name)
+            .dropped
+            .entry(cause.to_owned())
+            .or_default() += 1;
+    }
+
+    /// Says something to the user: error = data lost, warn = degraded, info = rare and for the user.
+    pub fn log(&self, level: Level, text: impl Into<String>) {
+        let log = Log {
+            level,
+            node: self.name.clone(),
+            text: text.into(),
+        };
+        self.reports.send(&log);
+        control::say(&Event::Log(log));
+    }
+}
+
+/// Tells the launcher why this process fails; for who cannot go on.
+pub fn complain(node: &str, text: impl Into<String>) {
+    control::say(&Event::Log(Log {
+        level: Level::Error,
+        node: node.to_owned(),
+        text: text.into(),
+    }));
+}
+
+/// Says that scans are done.
+pub struct Finisher {
+    publisher: ports::DataPublisher,
+    doors: Vec<Bell>,
+    index: u64,
+}
+
+impl std::fmt::Debug for Finisher {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Finisher")
+            .field("index", &self.index)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Finisher {
+    /// This node is done with the scan.
+    ///
+    /// # Errors
+    /// When the publisher fails.
+    pub fn done(&self, sequence: u64) -> Result<(), BusError> {
+        let header = Header {
+            sequence,
+            ..Header::default()
+        };
+        ports::send_words(&self.publisher, &header, &[self.index])?;
+        self.doors.iter().for_each(Bell::ring);
+        Ok(())
+    }
+}
+
+/// Hears which scans are done.
+pub struct Dones {
+    subscriber: Rc<ports::DataSubscriber>,
+    finishers: Vec<u64>,
+    heard: BTreeMap<u64, Vec<u64>>,
+}
+
+impl std::fmt::Debug for Dones {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Dones")
+            .field("heard", &self.heard)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Dones {
+    /// The next scan that all finishers have said to be done, possibly one that was said before.
+    ///
+    /// # Errors
+    /// When the subscriber fails.
+    pub fn receive(&mut self) -> Result<Option<u64>, BusError> {
+        while let Some((header, finisher)) = ports::receive_word(&self.subscriber)? {
+            let heard = self.heard.entry(header.sequence).or_default();
+            if !heard.contains(&finisher) {
+                heard.push(finisher);
+            }
+            if self.finishers.iter().all(|f| heard.contains(f)) {
+                self.heard.remove(&header.sequence);
+                return Ok(Some(header.sequence));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Forgets what was said of scans below this number.
+    pub fn forget_below(&mut self, sequence: u64) {
+        self.heard = self.heard.split_off(&sequence);
+    }
+}
+
+/// Hears what all nodes report.
+pub struct ReportsIn {
+    subscriber: ports::TextSubscriber,
+}
+
+impl std::fmt::Debug for ReportsIn {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ReportsIn").finish_non_exhaustive()
+    }
+}
+
+impl ReportsIn {
+    /// The next report or log line, as JSON text.
+    ///
+    /// # Errors
+    /// When the subscriber fails.
+    pub fn receive(&mut self) -> Result<Option<String>, BusError> {
+        ports::receive_text(&self.subscriber)
+    }
+}
+
+pub use ports::Bell;

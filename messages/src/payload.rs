@@ -259,7 +259,7 @@ pub trait Message: 'static {
     /// Which kind.
     const KIND: Kind;
     /// How a reader sees it.
-    type View<'a>: Copy + std::fmt::Debug;
+    type View<'a>: Copy + std::fmt::Debug + Into<AnyView<'a>>;
     /// How a maker fills it.
     type Room<'a>;
 
@@ -369,13 +369,9 @@ macro_rules! message {
                 let mut rest: &mut [u8] = bytemuck::cast_slice_mut(words);
                 let offsets = Self::offsets(size);
                 let mut sections = offsets.windows(2).zip(Self::capacities(size));
-                if rest.len() < offsets[SECTIONS] {
-                    return None;
-                }
                 Some($room { $($section: {
                     let (bounds, capacity) = sections.next()?;
-                    let (section, tail) = rest.split_at_mut(bounds[1] - bounds[0]);
-                    rest = tail;
+                    let section = rest.split_off_mut(..bounds[1] - bounds[0])?;
                     let slots = section.get_mut(..capacity * size_of::<$element>())?;
                     List::new(bytemuck::try_cast_slice_mut(slots).ok()?)
                 },)+ })
@@ -467,6 +463,42 @@ message! {
     }
 }
 
+/// The kinds in one type, for those who walk all topics.
+macro_rules! any_view {
+    ($($name:ident($view:ident))+) => {
+        /// A message of any kind, as its readers see it.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub enum AnyView<'a> {
+            $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($view<'a>),)+
+        }
+
+        impl AnyView<'_> {
+            /// Which kind it is.
+            pub const fn kind(&self) -> Kind {
+                match self {
+                    $(Self::$name(_) => Kind::$name,)+
+                }
+            }
+        }
+
+        $(impl<'a> From<$view<'a>> for AnyView<'a> {
+            fn from(view: $view<'a>) -> Self {
+                Self::$name(view)
+            }
+        })+
+    };
+}
+
+any_view! {
+    Image(ImageView)
+    Edges(EdgesView)
+    Curves(CurvesView)
+    Tables(TablesView)
+    Matches(MatchesView)
+    Disparity(DisparityView)
+    Points(PointsView)
+}
+
 impl CurvesView<'_> {
     /// Whether every curve's points exist; false for a damaged message.
     pub fn is_sound(&self) -> bool {
@@ -483,7 +515,10 @@ impl TablesView<'_> {
             && self.entries.iter().all(|e| (e.point as usize) < points)
             && self.order.iter().all(|&p| (p as usize) < points)
             && self.rows.is_sorted()
-            && self.rows.last().is_none_or(|&end| end as usize <= self.order.len())
+            && self
+                .rows
+                .last()
+                .is_none_or(|&end| end as usize <= self.order.len())
     }
 }
 
@@ -517,7 +552,10 @@ impl<M: Message> Owned<M> {
     }
 
     /// Lets `fill` make the payload anew, and gives back what `fill` gives.
-    #[expect(clippy::missing_panics_doc, reason = "the words were made for this size")]
+    #[expect(
+        clippy::missing_panics_doc,
+        reason = "the words were made for this size"
+    )]
     pub fn fill<R>(&mut self, fill: impl FnOnce(&mut M::Room<'_>) -> R) -> R {
         #[expect(clippy::expect_used, reason = "the words were made for this size")]
         let mut room = M::room(&mut self.words, self.room).expect("room for its own size");
@@ -551,8 +589,16 @@ mod tests {
     fn what_is_written_into_a_room_is_what_a_view_shows() {
         let mut curves = Owned::<Curves>::new(Size::new(33, 17));
         curves.fill(|room| {
-            room.curves.push(Curve { label: 7, ..Curve::default() });
-            room.points.extend_from_slice(&[Edge { x: 1.5, ..Edge::default() }; 3]);
+            room.curves.push(Curve {
+                label: 7,
+                ..Curve::default()
+            });
+            room.points.extend_from_slice(
+                &[Edge {
+                    x: 1.5,
+                    ..Edge::default()
+                }; 3],
+            );
         });
         let view = curves.view();
         assert_eq!(view.curves[0].label, 7);

@@ -1,0 +1,144 @@
+//! What launcher and nodes say to each other: one JSON line each, over the node's standard input and output.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, Write};
+use std::time::Duration;
+
+use crossbeam::channel::{Receiver, unbounded};
+use serde::{Deserialize, Serialize};
+
+use super::meter::Percentiles;
+use super::{Bell, BusError, Run};
+use crate::ledger::{Account, Ledger};
+
+/// What the launcher tells a node.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "command", rename_all = "lowercase")]
+pub enum Command {
+    /// New publishers are there: connect, and answer [`Event::Connected`].
+    Connect,
+    /// Everybody is connected: begin.
+    Begin,
+    /// Send the scans under way once more.
+    Resend,
+    /// Take in no new scan; say [`Event::Finished`] when the last one is done.
+    Drain,
+    /// End.
+    Stop {
+        /// The whole run's account.
+        ledger: Ledger,
+    },
+}
+
+/// How grave a log line is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// Rare, and for the user.
+    Info,
+    /// Something is degraded.
+    Warn,
+    /// Data was lost.
+    Error,
+}
+
+/// A log line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Log {
+    /// How grave it is.
+    pub level: Level,
+    /// Which node says it.
+    pub node: String,
+    /// What it says.
+    pub text: String,
+}
+
+/// How far the scans have come.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Scans that went through the door.
+    pub admitted: u64,
+    /// Every scan below this number is done.
+    pub done_below: u64,
+    /// Scans that are done.
+    pub done: u64,
+    /// Scans in all, when that is known.
+    pub total: Option<u64>,
+    /// Scans that never went through the door, by cause.
+    #[serde(default)]
+    pub refused: BTreeMap<String, u64>,
+}
+
+/// What a node has counted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct NodeReport {
+    /// Which node.
+    pub node: String,
+    /// Its account of each topic.
+    pub topics: BTreeMap<String, Account>,
+    /// How long it works on a scan.
+    pub milliseconds: Percentiles,
+    /// Figures of its own.
+    pub figures: serde_json::Value,
+}
+
+/// What a node tells the launcher.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "lowercase")]
+pub enum Event {
+    /// All its ports are made.
+    Ports,
+    /// Its ports are connected to everybody's.
+    Connected,
+    /// How far the scans have come; from the door.
+    Progress(Progress),
+    /// What it has counted so far.
+    Report(NodeReport),
+    /// Something for the user.
+    Log(Log),
+    /// It has done its work: the last report.
+    Finished(NodeReport),
+}
+
+/// Says something to the launcher. When nobody listens the launcher is dead, and standard input tells so.
+pub(super) fn say(event: &Event) {
+    if let Ok(mut line) = serde_json::to_vec(event) {
+        line.push(b'\n');
+        let mut out = std::io::stdout().lock();
+        drop(out.write_all(&line).and_then(|()| out.flush()));
+    }
+}
+
+/// How long a node may take to end after its launcher died.
+const FAREWELL: Duration = Duration::from_secs(5);
+
+/// Reads the launcher's commands in a thread of its own, which rings the node's inbox for each.
+pub(super) fn listen(run: &Run, name: &str) -> Result<Receiver<Command>, BusError> {
+    let (commands, receiver) = unbounded();
+    let (run, name) = (run.clone(), name.to_owned());
+    let listen = move || {
+        let bell = Bell::new(&run, &name);
+        let ring = || bell.iter().for_each(Bell::ring);
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if let Ok(command) = serde_json::from_str(&line) {
+                if commands.send(command).is_err() {
+                    return;
+                }
+                ring();
+            }
+        }
+        // The launcher is gone, and its children go with it: in good order if they can, in any case soon.
+        drop(commands.send(Command::Stop {
+            ledger: Ledger::default(),
+        }));
+        ring();
+        std::thread::sleep(FAREWELL);
+        #[expect(clippy::exit, reason = "an orphan must not outlive its launcher")]
+        std::process::exit(1);
+    };
+    std::thread::Builder::new()
+        .name("commands".to_owned())
+        .spawn(listen)
+        .map_err(|e| BusError::port("listen to the launcher", e))?;
+    Ok(receiver)
+}

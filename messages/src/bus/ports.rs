@@ -1,0 +1,361 @@
+//! iceoryx2's services as this project uses them: every quality of service in one place.
+#![allow(
+    unsafe_code,
+    reason = "writing results in place means to take loaned shared memory as it is"
+)]
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use iceoryx2::config::Config;
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::*;
+use iceoryx2::sample::Sample;
+
+use super::{BusError, NodePlan, Run};
+use crate::header::{Header, Size};
+use crate::payload::{
+    ALIGNMENT, Curves, Disparity, Edges, Image, Matches, Message, Points, Tables,
+};
+use crate::topic::{Kind, Topic};
+
+/// The header as it stands before every payload in shared memory.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
+#[type_name("tricurve.Header.1")]
+pub(super) struct Head(pub(super) Words);
+
+/// A [`Header`] as words, which iceoryx2 knows to be plain.
+type Words = [u64; size_of::<Header>() / 8];
+
+impl Head {
+    fn of(header: &Header) -> Self {
+        Self(bytemuck::cast(*header))
+    }
+
+    pub(super) fn header(self) -> Header {
+        bytemuck::cast(self.0)
+    }
+}
+
+pub(super) type DataPublisher = Publisher<ipc::Service, [u64], Head>;
+pub(super) type DataSubscriber = Subscriber<ipc::Service, [u64], Head>;
+pub(super) type DataSample = Sample<ipc::Service, [u64], Head>;
+pub(super) type TextSubscriber = Subscriber<ipc::Service, [u8], Head>;
+type TextPublisher = Publisher<ipc::Service, [u8], Head>;
+
+/// Ports that viewers and further recorders may add to a running graph, per topic.
+const GUESTS: usize = 2;
+/// Ports that a dead process may leave until it is cleaned up after.
+const DEAD: usize = 1;
+/// The longest report or log line, in bytes.
+const REPORT_BYTES: usize = 256 * 1024;
+/// Reports a slow reader may lag behind.
+const REPORTS: usize = 256;
+
+/// The words a message of this kind needs in the worst case.
+pub(super) fn words(kind: Kind, size: Size) -> usize {
+    match kind {
+        Kind::Image => Image::words(size),
+        Kind::Edges => Edges::words(size),
+        Kind::Curves => Curves::words(size),
+        Kind::Tables => Tables::words(size),
+        Kind::Matches => Matches::words(size),
+        Kind::Disparity => Disparity::words(size),
+        Kind::Points => Points::words(size),
+    }
+}
+
+/// Makes the ports of one process in one run.
+pub(super) struct Ports {
+    node: Node<ipc::Service>,
+    run: Run,
+}
+
+/// Joins the run's own corner of shared memory, cleaning up after dead processes of the same run.
+fn node(run: &Run, name: &str) -> Result<Node<ipc::Service>, BusError> {
+    let what = || format!("join the run in {}", run.root.display());
+    set_log_level(LogLevel::Fatal);
+    let mut config = Config::default();
+    let root = run.root.to_string_lossy();
+    let root = Path::new(root.as_bytes()).map_err(|e| BusError::port(what(), e))?;
+    config.global.set_root_path(&root);
+    config.global.prefix =
+        FileName::new(run.prefix.as_bytes()).map_err(|e| BusError::port(what(), e))?;
+    NodeBuilder::new()
+        .name(&NodeName::new(name).map_err(|e| BusError::port(what(), e))?)
+        .config(&config)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<ipc::Service>()
+        .map_err(|e| BusError::port(what(), e))
+}
+
+fn service_name(name: &str) -> Result<ServiceName, BusError> {
+    ServiceName::new(name).map_err(|e| BusError::port(format!("name a service {name}"), e))
+}
+
+fn alignment() -> Result<Alignment, BusError> {
+    Alignment::new(ALIGNMENT).ok_or_else(|| BusError::port("align payloads to", ALIGNMENT))
+}
+
+/// Opens the service of a stream of plain data.
+macro_rules! service {
+    ($node:expr, $name:expr, $element:ty, publishers $publishers:expr, subscribers $subscribers:expr,
+     buffer $buffer:expr, overflow $overflow:expr) => {
+        $node
+            .service_builder(&service_name($name)?)
+            .publish_subscribe::<[$element]>()
+            .user_header::<Head>()
+            .payload_alignment(alignment()?)
+            .enable_safe_overflow($overflow)
+            .subscriber_max_buffer_size($buffer)
+            .subscriber_max_borrowed_samples($buffer)
+            .history_size(0)
+            .max_publishers($publishers + DEAD)
+            .max_subscribers($subscribers + GUESTS + DEAD)
+            .max_nodes(64)
+            .open_or_create()
+            .map_err(|e| BusError::port(format!("open the service {}", $name), e))
+    };
+}
+
+impl Ports {
+    pub(super) fn new(run: &Run, name: &str) -> Result<Self, BusError> {
+        Ok(Self {
+            node: node(run, name)?,
+            run: run.clone(),
+        })
+    }
+
+    pub(super) fn publisher(&self, topic: &Topic) -> Result<DataPublisher, BusError> {
+        let takers = self.run.takers(topic.kind).count();
+        service!(self.node, &topic.name, u64, publishers 1, subscribers takers,
+                 buffer self.run.buffer(), overflow false)?
+        .publisher_builder()
+        .initial_max_slice_len(words(topic.kind, self.run.rig.size))
+        .max_loaned_samples(1)
+        .backpressure_strategy(BackpressureStrategy::DiscardData)
+        .create()
+        .map_err(|e| BusError::port(format!("publish {}", topic.name), e))
+    }
+
+    pub(super) fn subscriber(&self, topic: &Topic) -> Result<DataSubscriber, BusError> {
+        let takers = self.run.takers(topic.kind).count();
+        service!(self.node, &topic.name, u64, publishers 1, subscribers takers,
+                 buffer self.run.buffer(), overflow false)?
+        .subscriber_builder()
+        .create()
+        .map_err(|e| BusError::port(format!("subscribe to {}", topic.name), e))
+    }
+
+    fn finishers(&self) -> usize {
+        self.run.nodes.iter().filter(|n| n.finishes).count()
+    }
+
+    pub(super) fn done_out(&self) -> Result<DataPublisher, BusError> {
+        service!(self.node, "done", u64, publishers self.finishers(), subscribers 1,
+                 buffer 2 * self.run.buffer(), overflow false)?
+        .publisher_builder()
+        .initial_max_slice_len(1)
+        .backpressure_strategy(BackpressureStrategy::DiscardData)
+        .create()
+        .map_err(|e| BusError::port("publish done", e))
+    }
+
+    pub(super) fn done_in(&self) -> Result<DataSubscriber, BusError> {
+        service!(self.node, "done", u64, publishers self.finishers(), subscribers 1,
+                 buffer 2 * self.run.buffer(), overflow false)?
+        .subscriber_builder()
+        .create()
+        .map_err(|e| BusError::port("hear done", e))
+    }
+
+    pub(super) fn reports_out(&self) -> Result<Reports, BusError> {
+        let publisher = service!(self.node, "reports", u8, publishers self.run.nodes.len(),
+                                 subscribers 2, buffer REPORTS, overflow true)?
+        .publisher_builder()
+        .initial_max_slice_len(REPORT_BYTES)
+        .create()
+        .map_err(|e| BusError::port("publish reports", e))?;
+        Ok(Reports { publisher })
+    }
+
+    pub(super) fn reports_in(&self) -> Result<TextSubscriber, BusError> {
+        service!(self.node, "reports", u8, publishers self.run.nodes.len(),
+                 subscribers 2, buffer REPORTS, overflow true)?
+        .subscriber_builder()
+        .create()
+        .map_err(|e| BusError::port("hear reports", e))
+    }
+
+    pub(super) fn inbox(&self, name: &str) -> Result<Listener<ipc::Service>, BusError> {
+        inbox_service(&self.node, name)?
+            .listener_builder()
+            .create()
+            .map_err(|e| BusError::port(format!("make the inbox of {name}"), e))
+    }
+
+    /// The bells of these nodes' inboxes.
+    pub(super) fn bells<'a>(
+        &self,
+        nodes: impl Iterator<Item = &'a NodePlan>,
+    ) -> Result<Vec<Bell>, BusError> {
+        nodes
+            .map(|node| {
+                let notifier = bell(&self.node, &node.name)?;
+                Ok(Bell {
+                    _node: None,
+                    notifier,
+                })
+            })
+            .collect()
+    }
+}
+
+type Inbox = iceoryx2::service::port_factory::event::PortFactory<ipc::Service>;
+
+fn inbox_service(node: &Node<ipc::Service>, name: &str) -> Result<Inbox, BusError> {
+    node.service_builder(&service_name(&format!("inbox/{name}"))?)
+        .event()
+        .max_listeners(1 + DEAD)
+        .max_notifiers(64)
+        .max_nodes(64)
+        .open_or_create()
+        .map_err(|e| BusError::port(format!("open the inbox of {name}"), e))
+}
+
+fn bell(node: &Node<ipc::Service>, name: &str) -> Result<Notifier<ipc::Service>, BusError> {
+    inbox_service(node, name)?
+        .notifier_builder()
+        .create()
+        .map_err(|e| BusError::port(format!("ring {name}"), e))
+}
+
+/// The bell of a node's inbox.
+pub struct Bell {
+    notifier: Notifier<ipc::Service>,
+    /// Kept alive where the bell has a node of its own.
+    _node: Option<Node<ipc::Service>>,
+}
+
+impl std::fmt::Debug for Bell {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Bell").finish_non_exhaustive()
+    }
+}
+
+impl Bell {
+    pub(super) fn new(run: &Run, name: &str) -> Result<Self, BusError> {
+        let node = node(run, &format!("{name}.bell"))?;
+        Ok(Self {
+            notifier: bell(&node, name)?,
+            _node: Some(node),
+        })
+    }
+
+    /// Wakes the node. A node that is dead or not there yet needs no waking: it looks when it comes.
+    pub fn ring(&self) {
+        self.notifier.notify().unwrap_or_default();
+    }
+}
+
+/// Waits until the inbox is rung or the time is over, and empties it.
+pub(super) fn wait(inbox: &Listener<ipc::Service>, timeout: Duration) -> Result<(), BusError> {
+    use iceoryx2::port::listener::ListenerWaitError;
+    let heard = match timeout.is_zero() {
+        true => inbox.try_wait(|_| {}),
+        false => inbox.timed_wait(|_| {}, timeout),
+    };
+    match heard {
+        Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+        Err(cause) => Err(BusError::port("wait at the inbox", cause)),
+    }
+}
+
+/// Connects a subscriber to publishers that came after it.
+pub(super) fn connect(subscriber: &DataSubscriber) -> Result<(), BusError> {
+    subscriber
+        .update_connections()
+        .map_err(|e| BusError::port("connect a subscriber", e))
+}
+
+/// Lets `fill` write a message in place and sends it; gives back what it gave and how many will receive it.
+pub(super) fn send_in_place(
+    publisher: &DataPublisher,
+    words: usize,
+    fill: impl FnOnce(&mut [u64]) -> Header,
+) -> Result<usize, BusError> {
+    let loan = publisher
+        .loan_slice_uninit(words)
+        .map_err(|e| BusError::port("loan shared memory", e))?;
+    // SAFETY: every bit pattern is a u64, and the memory is mapped: zero pages of a new segment or an older message.
+    let mut sample = unsafe { loan.assume_init() };
+    let header = fill(sample.payload_mut());
+    *sample.user_header_mut() = Head::of(&header);
+    sample.send().map_err(|e| BusError::port("send", e))
+}
+
+/// Sends a few words.
+pub(super) fn send_words(
+    publisher: &DataPublisher,
+    header: &Header,
+    words: &[u64],
+) -> Result<usize, BusError> {
+    send_in_place(publisher, words.len(), |payload| {
+        payload.copy_from_slice(words);
+        *header
+    })
+}
+
+/// The next message.
+pub(super) fn receive(subscriber: &DataSubscriber) -> Result<Option<DataSample>, BusError> {
+    subscriber
+        .receive()
+        .map_err(|e| BusError::port("receive", e))
+}
+
+/// The next message of a stream of single words.
+pub(super) fn receive_word(
+    subscriber: &Rc<DataSubscriber>,
+) -> Result<Option<(Header, u64)>, BusError> {
+    let sample = receive(subscriber)?;
+    Ok(sample.map(|s| {
+        (
+            s.user_header().header(),
+            s.payload().first().copied().unwrap_or_default(),
+        )
+    }))
+}
+
+/// The next report, as text.
+pub(super) fn receive_text(subscriber: &TextSubscriber) -> Result<Option<String>, BusError> {
+    let sample = subscriber
+        .receive()
+        .map_err(|e| BusError::port("receive", e))?;
+    Ok(sample.map(|s| String::from_utf8_lossy(s.payload()).into_owned()))
+}
+
+/// Where a node publishes what it has to report.
+pub(super) struct Reports {
+    publisher: TextPublisher,
+}
+
+impl Reports {
+    /// Publishes a report as JSON. What cannot be sent is lost here only: the launcher gets it on its own way too.
+    pub(super) fn send(&self, report: &impl serde::Serialize) {
+        let Ok(text) = serde_json::to_vec(report) else {
+            return;
+        };
+        if text.len() > REPORT_BYTES {
+            return;
+        }
+        if let Ok(loan) = self.publisher.loan_slice_uninit(text.len()) {
+            loan.write_from_slice(&text).send().unwrap_or_default();
+        }
+    }
+}
