@@ -1,2 +1,81 @@
-//! tricurve: depth from curves in three views.
-fn main(){}
+//! tricurve: depth from one camera moved along a rail, or three in a row, by matching curves.
+//!
+//! ```text
+//! tricurve run ─► graph file ─► plan ─► supervisor ─► one process a node (this executable, run again)
+//! ```
+//!
+//! The launcher is glue: what a node computes is in its crate under `nodes/`, what nodes say to each other in
+//! `messages/`. This folder reads the graph file, starts, watches and ends the processes, and shows what they did.
+
+mod cli;
+mod commands;
+mod graph;
+mod node;
+mod registry;
+mod rundir;
+mod supervisor;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+
+/// How a command ended; the one table of exit codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// Everything was done.
+    Done,
+    /// It failed.
+    Failed,
+    /// The command line or the graph file is wrong.
+    Usage,
+    /// It finished, but data was lost.
+    Lost,
+    /// It was aborted by a second signal.
+    Aborted,
+}
+
+impl Outcome {
+    fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::Failed => 1,
+            Self::Usage => 2,
+            Self::Lost => 3,
+            Self::Aborted => 130,
+        }
+    }
+}
+
+/// A failure in one sentence, and how the process ends for it.
+#[derive(Debug)]
+struct Failure {
+    outcome: Outcome,
+    text: String,
+}
+
+impl Failure {
+    fn failed(text: impl ToString) -> Self {
+        Self { outcome: Outcome::Failed, text: text.to_string() }
+    }
+
+    fn usage(text: impl ToString) -> Self {
+        Self { outcome: Outcome::Usage, text: text.to_string() }
+    }
+}
+
+fn main() -> ExitCode {
+    let outcome = match cli::Cli::try_parse() {
+        Ok(cli) => commands::run(cli).unwrap_or_else(|failure| {
+            eprintln!("tricurve: {}", failure.text);
+            failure.outcome
+        }),
+        Err(error) => {
+            let outcome = if error.use_stderr() { Outcome::Usage } else { Outcome::Done };
+            match error.print() {
+                Ok(()) => outcome,
+                Err(_) => Outcome::Failed,
+            }
+        }
+    };
+    ExitCode::from(outcome.code())
+}

@@ -39,7 +39,7 @@ use crate::topic::{Kind, Stage, Topic};
 pub use control::{Command, Event, Level, Log, NodeReport, Progress};
 pub use inputs::{Inputs, Joined, Joins, Received};
 pub use meter::{Meter, Percentiles};
-pub use outputs::Outputs;
+pub use outputs::{Filled, Loan, Outputs};
 
 use ports::{Ports, Reports};
 
@@ -91,6 +91,17 @@ impl Run {
         let scan: u64 = Topic::all(&self.rig).iter().map(|t| words(t.kind)).sum();
         scan * self.in_flight as u64
     }
+}
+
+/// What a node is told when its process starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// How many times it was started before in this run.
+    pub life: u32,
+    /// The first scan that is not done.
+    pub first: u64,
+    /// The run's whole effective configuration: the graph's keys and every node's.
+    pub configuration: serde_json::Value,
 }
 
 /// Why the bus failed.
@@ -148,6 +159,25 @@ struct Book {
 impl Book {
     fn tally(&mut self, topic: &str) -> &mut Tally {
         self.topics.entry(topic.to_owned()).or_default()
+    }
+
+    /// Keeps account of a topic that is taken in.
+    fn take_in(&mut self, topic: &str) {
+        let done_below = self.done_below;
+        self.tally(topic)
+            .received
+            .get_or_insert_default()
+            .advance(done_below);
+    }
+
+    /// Keeps account of a topic that is published.
+    fn send_out(&mut self, topic: &str) {
+        let done_below = self.done_below;
+        self.tally(topic)
+            .published
+            .get_or_insert_default()
+            .advance(done_below);
+        self.meter.expect_one_more();
     }
 
     fn received(&mut self, topic: &str, header: &Header) -> bool {
@@ -231,12 +261,12 @@ impl std::fmt::Debug for Bus {
 }
 
 impl Bus {
-    /// Joins a run as the node of this name. Commands are read from standard input, events written to standard
-    /// output, so a process has one bus.
+    /// Joins a run as the node of this name; `first` is the first scan that is not done. Commands are read from
+    /// standard input, events written to standard output, so a process has one bus.
     ///
     /// # Errors
     /// When the node is not in the plan or the shared memory cannot be set up.
-    pub fn join(run: Run, name: &str) -> Result<Self, BusError> {
+    pub fn join(run: Run, name: &str, first: u64) -> Result<Self, BusError> {
         if !run.nodes.iter().any(|node| node.name == name) {
             return Err(BusError::Unknown(name.to_owned()));
         }
@@ -250,7 +280,10 @@ impl Bus {
             commands,
             reports,
             waiting: VecDeque::new(),
-            book: Rc::default(),
+            book: Rc::new(RefCell::new(Book {
+                done_below: first,
+                ..Book::default()
+            })),
             subscribers: Vec::new(),
             next_report: Instant::now() + REPORT_EVERY,
             name: name.to_owned(),

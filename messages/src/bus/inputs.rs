@@ -85,10 +85,7 @@ impl Inputs {
     ) -> Result<Self, BusError> {
         let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
         let input = |topic: Topic| {
-            book.borrow_mut()
-                .tally(&topic.name)
-                .received
-                .get_or_insert_default();
+            book.borrow_mut().take_in(&topic.name);
             Ok(Input {
                 subscriber: Rc::new(ports.subscriber(&topic)?),
                 topic: Rc::new(topic),

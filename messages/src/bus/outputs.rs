@@ -1,13 +1,14 @@
 //! The sending side: results are written in place in shared memory.
 
 use std::cell::RefCell;
+use std::marker::PhantomData;
 use std::rc::Rc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::ports::{self, Bell, DataPublisher, Ports};
+use super::ports::{self, Bell, DataPublisher, LoanedSample, Ports};
 use super::{Book, BusError, Run};
 use crate::header::{Header, Size};
-use crate::payload::Message;
+use crate::payload::{Message, SECTIONS};
 use crate::topic::{Kind, Topic};
 
 struct Output {
@@ -39,9 +40,7 @@ impl Outputs {
     ) -> Result<Self, BusError> {
         let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
         let output = |topic: Topic| {
-            let mut book = book.borrow_mut();
-            book.tally(&topic.name).published.get_or_insert_default();
-            book.meter.expect_one_more();
+            book.borrow_mut().send_out(&topic.name);
             Ok(Output {
                 publisher: ports.publisher(&topic)?,
                 takers: ports.bells(run.takers(topic.kind))?,
@@ -56,13 +55,66 @@ impl Outputs {
         })
     }
 
-    /// Lets `fill` write the message of this view and channel in place, then sends it to all who take it.
-    ///
-    /// `cause` is the head of the message it was made from; what applies to both is taken over. What `fill` has no
-    /// room for is counted as dropped.
+    /// Shared memory for the message of this view and channel, to be written in place and then
+    /// [published](Self::publish).
     ///
     /// # Errors
     /// When there is no such topic or no shared memory to loan.
+    pub fn loan<M: Message>(&self, view: u32, channel: u32) -> Result<Loan<M>, BusError> {
+        let key = (M::KIND, view, channel);
+        let is = |o: &Output| (o.topic.kind, o.topic.view, o.topic.channel) == key;
+        let output = self.all.iter().position(is);
+        let output = output.ok_or_else(|| BusError::port("find a topic to publish", key))?;
+        let sample = ports::loan(&self.all[output].publisher, M::words(self.room))?;
+        Ok(Loan {
+            sample,
+            output,
+            room: self.room,
+            kind: PhantomData,
+        })
+    }
+
+    /// Sends what was written to all who take it.
+    ///
+    /// `cause` is the head of the message it was made from; what applies to both is taken over. `filled` says how much
+    /// of the room was filled; what found no room is counted as dropped.
+    ///
+    /// # Errors
+    /// When the message cannot be sent.
+    pub fn publish<M: Message>(
+        &self,
+        loan: Loan<M>,
+        cause: &Header,
+        filled: Filled,
+    ) -> Result<(), BusError> {
+        let output = &self.all[loan.output];
+        let now = Instant::now();
+        let since = self.book.borrow_mut().mark.replace(now);
+        let elapsed = since.map(|mark| now - mark).unwrap_or_default();
+        let header = Header {
+            view: output.topic.view,
+            channel: output.topic.channel,
+            lens: filled.lens,
+            elapsed_nanos: elapsed.as_nanos() as u64,
+            ..*cause
+        };
+        ports::send(loan.sample, &header)?;
+        output.takers.iter().for_each(Bell::ring);
+        let mut book = self.book.borrow_mut();
+        book.published(&output.topic.name, cause.sequence);
+        book.meter.add(cause.sequence, elapsed);
+        if filled.refused > 0 {
+            let dropped = &mut book.tally(&output.topic.name).dropped;
+            let cause = "elements beyond the worst case".to_owned();
+            *dropped.entry(cause).or_default() += filled.refused as u64;
+        }
+        Ok(())
+    }
+
+    /// Lets `fill` write the message of this view and channel in place, then publishes it.
+    ///
+    /// # Errors
+    /// As [`loan`](Self::loan) and [`publish`](Self::publish).
     pub fn send<M: Message>(
         &self,
         cause: &Header,
@@ -70,42 +122,57 @@ impl Outputs {
         channel: u32,
         fill: impl FnOnce(&mut M::Room<'_>),
     ) -> Result<(), BusError> {
-        let is =
-            |o: &&Output| (o.topic.kind, o.topic.view, o.topic.channel) == (M::KIND, view, channel);
-        let output =
-            self.all.iter().find(is).ok_or_else(|| {
-                BusError::port("find a topic to publish", (M::KIND, view, channel))
-            })?;
-        let mut refused = 0;
-        let mut elapsed = Duration::ZERO;
-        ports::send_in_place(&output.publisher, M::words(self.room), |payload| {
-            let mut header = Header {
-                view,
-                channel,
-                lens: [0; 4],
-                ..*cause
-            };
-            if let Some(mut room) = M::room(payload, self.room) {
-                fill(&mut room);
-                header.lens = M::lens(&room);
-                refused = M::refused(&room);
-            }
-            let now = Instant::now();
-            let since = self.book.borrow_mut().mark.replace(now);
-            elapsed = since.map(|mark| now - mark).unwrap_or_default();
-            header.elapsed_nanos = elapsed.as_nanos() as u64;
-            header
-        })?;
-        output.takers.iter().for_each(Bell::ring);
-        let mut book = self.book.borrow_mut();
-        book.published(&output.topic.name, cause.sequence);
-        book.meter.add(cause.sequence, elapsed);
-        if refused > 0 {
-            let dropped = &mut book.tally(&output.topic.name).dropped;
-            *dropped
-                .entry("elements beyond the worst case".to_owned())
-                .or_default() += refused as u64;
+        let mut loan = self.loan::<M>(view, channel)?;
+        let filled = {
+            let mut room = loan.room()?;
+            fill(&mut room);
+            Filled::of::<M>(&room)
+        };
+        self.publish(loan, cause, filled)
+    }
+}
+
+/// How much of a room was filled.
+#[derive(Clone, Copy, Debug)]
+pub struct Filled {
+    lens: [u32; SECTIONS],
+    refused: usize,
+}
+
+impl Filled {
+    /// How much of this room was filled.
+    pub fn of<M: Message>(room: &M::Room<'_>) -> Self {
+        Self {
+            lens: M::lens(room),
+            refused: M::refused(room),
         }
-        Ok(())
+    }
+}
+
+/// Shared memory on loan for one message.
+pub struct Loan<M> {
+    sample: LoanedSample,
+    output: usize,
+    room: Size,
+    kind: PhantomData<M>,
+}
+
+impl<M> std::fmt::Debug for Loan<M> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Loan")
+            .field("room", &self.room)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<M: Message> Loan<M> {
+    /// The room to fill, empty.
+    ///
+    /// # Errors
+    /// When the memory is smaller than the room, which the bus prevents.
+    pub fn room(&mut self) -> Result<M::Room<'_>, BusError> {
+        let words = self.sample.payload_mut();
+        let have = words.len();
+        M::room(words, self.room).ok_or_else(|| BusError::port("fit a message into words", have))
     }
 }

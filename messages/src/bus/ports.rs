@@ -16,6 +16,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
+use iceoryx2::sample_mut::SampleMut;
 
 use super::{BusError, NodePlan, Run};
 use crate::header::{Header, Size};
@@ -47,6 +48,7 @@ pub(super) type DataPublisher = Publisher<ipc::Service, [u64], Head>;
 pub(super) type DataSubscriber = Subscriber<ipc::Service, [u64], Head>;
 pub(super) type DataSample = Sample<ipc::Service, [u64], Head>;
 pub(super) type TextSubscriber = Subscriber<ipc::Service, [u8], Head>;
+pub(super) type LoanedSample = SampleMut<ipc::Service, [u64], Head>;
 type TextPublisher = Publisher<ipc::Service, [u8], Head>;
 
 /// Ports that viewers and further recorders may add to a running graph, per topic.
@@ -284,20 +286,20 @@ pub(super) fn connect(subscriber: &DataSubscriber) -> Result<(), BusError> {
         .map_err(|e| BusError::port("connect a subscriber", e))
 }
 
-/// Lets `fill` write a message in place and sends it; gives back what it gave and how many will receive it.
-pub(super) fn send_in_place(
-    publisher: &DataPublisher,
-    words: usize,
-    fill: impl FnOnce(&mut [u64]) -> Header,
-) -> Result<usize, BusError> {
+/// Takes shared memory on loan, whatever lies in it.
+pub(super) fn loan(publisher: &DataPublisher, words: usize) -> Result<LoanedSample, BusError> {
     let loan = publisher
         .loan_slice_uninit(words)
         .map_err(|e| BusError::port("loan shared memory", e))?;
     // SAFETY: every bit pattern is a u64, and the memory is mapped: zero pages of a new segment or an older message.
-    let mut sample = unsafe { loan.assume_init() };
-    let header = fill(sample.payload_mut());
-    *sample.user_header_mut() = Head::of(&header);
-    sample.send().map_err(|e| BusError::port("send", e))
+    Ok(unsafe { loan.assume_init() })
+}
+
+/// Sends a loaned message to all who are there.
+pub(super) fn send(mut sample: LoanedSample, header: &Header) -> Result<(), BusError> {
+    *sample.user_header_mut() = Head::of(header);
+    sample.send().map_err(|e| BusError::port("send", e))?;
+    Ok(())
 }
 
 /// Sends a few words.
@@ -305,11 +307,10 @@ pub(super) fn send_words(
     publisher: &DataPublisher,
     header: &Header,
     words: &[u64],
-) -> Result<usize, BusError> {
-    send_in_place(publisher, words.len(), |payload| {
-        payload.copy_from_slice(words);
-        *header
-    })
+) -> Result<(), BusError> {
+    let mut sample = loan(publisher, words.len())?;
+    sample.payload_mut().copy_from_slice(words);
+    send(sample, header)
 }
 
 /// The next message.

@@ -1,0 +1,160 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use messages::Delivery;
+
+/// Depth from one camera moved along a rail, or three in a row, by matching curves.
+#[derive(Debug, Parser)]
+#[command(name = "tricurve", version, propagate_version = true, after_help = EXIT_CODES)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done, 1 failed, 2 wrong use, 3 finished but data was lost, 130 aborted by a second signal.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run a graph: scans go in, matches, disparities and points come out, everything is recorded
+    Run(Run),
+    /// Show what a recording holds
+    Info(Info),
+    /// Write a recording's results as CSV, PFM, PLY and pictures
+    Export(Export),
+    /// Check a graph file, and print the configuration it amounts to
+    Validate(GraphFile),
+    /// Print a graph as a Mermaid diagram
+    Graph(GraphFile),
+    /// Remove what dead runs left in shared memory
+    Clean,
+    /// Print the completions for a shell
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+    /// Be one node of a run
+    #[command(hide = true)]
+    Node(Node),
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Profile {
+    /// What scores best on real scenes
+    #[default]
+    Default,
+    /// Every literal constant of the thesis
+    Thesis,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum DeliveryArg {
+    /// A scan that finds the door closed waits
+    Lossless,
+    /// A scan that finds the door closed is dropped whole, and counted
+    Live,
+}
+
+impl From<DeliveryArg> for Delivery {
+    fn from(delivery: DeliveryArg) -> Self {
+        match delivery {
+            DeliveryArg::Lossless => Self::Lossless,
+            DeliveryArg::Live => Self::Live,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Run {
+    /// The graph file; without one, the built-in graph
+    pub(crate) graph: Option<PathBuf>,
+    /// scene:tab, scene:jack, scene:screwdriver, scene:all, a folder of images, or a folder of such folders
+    #[arg(long, value_name = "SPEC")]
+    pub(crate) source: Option<String>,
+    /// Which three of the source's views, left to right
+    #[arg(long, value_delimiter = ',', value_name = "1,3,5")]
+    pub(crate) views: Option<Vec<u32>>,
+    /// How many scans; a source with fewer is repeated
+    #[arg(long, value_name = "N")]
+    pub(crate) scans: Option<u64>,
+    /// Where to record; without it, a file named by the time in recordings/
+    #[arg(long, value_name = "FILE", conflicts_with = "no_record")]
+    pub(crate) record: Option<PathBuf>,
+    /// Record nothing
+    #[arg(long)]
+    pub(crate) no_record: bool,
+    /// Overwrite a recording that is there already
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// What happens to a scan that finds the door closed
+    #[arg(long, value_enum)]
+    pub(crate) delivery: Option<DeliveryArg>,
+    /// Which settings to start from
+    #[arg(long, value_enum, default_value = "default")]
+    pub(crate) profile: Profile,
+    /// Set one key of one node
+    #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Info {
+    /// The recording; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    /// Print it as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Export {
+    /// The recording; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    /// Only this scan
+    #[arg(long, value_name = "N")]
+    pub(crate) scan: Option<u64>,
+    /// The points as CSV: scan,view,channel,curve,x,y,disparity,score,depth
+    #[arg(long, value_name = "FILE")]
+    pub(crate) csv: Option<PathBuf>,
+    /// The disparity picture as PFM; of several scans, one file each, numbered
+    #[arg(long, value_name = "FILE")]
+    pub(crate) pfm: Option<PathBuf>,
+    /// The points as PLY, in metres; of several scans, one file each, numbered
+    #[arg(long, value_name = "FILE")]
+    pub(crate) ply: Option<PathBuf>,
+    /// Pictures of every view and channel: zero-crossings, orientation, curves, disparity
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) png: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct GraphFile {
+    /// The graph file; without one, the built-in graph
+    pub(crate) graph: Option<PathBuf>,
+    /// Which settings to start from
+    #[arg(long, value_enum, default_value = "default")]
+    pub(crate) profile: Profile,
+    /// Set one key of one node
+    #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Node {
+    /// Which
+    pub(crate) name: String,
+    /// Folder of the run
+    #[arg(long)]
+    pub(crate) run: PathBuf,
+    /// How many times it was started before
+    #[arg(long, default_value_t = 0)]
+    pub(crate) life: u32,
+    /// The first scan that is not done
+    #[arg(long, default_value_t = 0)]
+    pub(crate) first: u64,
+}

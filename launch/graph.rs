@@ -1,0 +1,326 @@
+//! The graph file: which nodes run, with which settings.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use messages::bus::NodePlan;
+use messages::settings::{Key, Settings as _, nearest};
+use messages::{Delivery, Kind};
+use serde_json::{Map, Value};
+
+use crate::Failure;
+use crate::cli::Profile;
+use crate::registry::{self, NODES, NodeType};
+
+const BUILT_IN: &str = include_str!("default.toml");
+
+messages::settings! {
+    /// What concerns the graph as a whole.
+    pub struct Settings {
+        /// What happens to a scan that finds the door closed: lossless (it waits) or live (it is dropped, counted).
+        pub delivery: Delivery = Delivery::Lossless;
+        /// How often nodes may be restarted before the next scan is done; then the run gives up.
+        pub restarts: u32 = 5, in 0..=1000;
+        /// Seconds without any progress after which the scans under way are sent once more; after four times that the run gives up.
+        pub patience: f64 = 60.0, in 1..=86400;
+    }
+}
+
+/// The table of a graph file that concerns the graph as a whole.
+const GRAPH: &str = "graph";
+
+/// A graph, checked: nodes with whole settings.
+#[derive(Clone, Debug)]
+pub(crate) struct Graph {
+    /// The graph's own keys.
+    pub(crate) settings: Settings,
+    nodes: Vec<(&'static NodeType, Value)>,
+}
+
+impl Graph {
+    /// Reads a graph file, or the built-in graph; then what `overrides` set.
+    pub(crate) fn load(file: Option<&Path>, profile: Profile, overrides: &Overrides) -> Result<Self, Failure> {
+        let name = file.map_or("the built-in graph".to_owned(), |f| f.display().to_string());
+        let text = match file {
+            None => BUILT_IN.to_owned(),
+            Some(file) => std::fs::read_to_string(file)
+                .map_err(|e| Failure::usage(format!("cannot read the graph file {name}: {e}")))?,
+        };
+        Self::parse(&text, profile, overrides).map_err(|text| Failure::usage(format!("{name}: {text}")))
+    }
+
+    fn parse(text: &str, profile: Profile, overrides: &Overrides) -> Result<Self, String> {
+        let table: toml::Table = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
+        let file = serde_json::to_value(table).map_err(|e| e.to_string())?;
+        let Value::Object(mut tables) = file else { return Err("expected tables".to_owned()) };
+        for name in tables.keys() {
+            known_node(name)?;
+        }
+        for name in &overrides.without {
+            tables.remove(*name);
+        }
+        for (name, key, value) in &overrides.set {
+            known_node(name)?;
+            let table = tables.get_mut(name).ok_or_else(|| format!("{name}.{key} is set, but the graph has no {name}"))?;
+            let Value::Object(table) = table else { return Err(format!("[{name}] must be a table")) };
+            table.insert(key.clone(), value.clone());
+        }
+        let mut take = |name: &str, keys: &[Key], mut whole: Value| -> Result<Option<Value>, String> {
+            let Some(given) = tables.remove(name) else { return Ok(None) };
+            let Value::Object(given) = given else { return Err(format!("[{name}] must be a table")) };
+            if let Value::Object(whole) = &mut whole {
+                for (key, value) in given {
+                    known_key(name, &key, keys)?;
+                    whole.insert(key, value);
+                }
+            }
+            Ok(Some(whole))
+        };
+        let default = serde_json::to_value(Settings::default()).map_err(|e| e.to_string())?;
+        let own = take(GRAPH, Settings::KEYS, default.clone())?.unwrap_or(default);
+        let settings: Settings = serde_json::from_value(own).map_err(|e| format!("[{GRAPH}] {e}"))?;
+        settings.check().map_err(|e| format!("{GRAPH}.{e}"))?;
+        let mut nodes = Vec::new();
+        for node in NODES {
+            if let Some(value) = take(node.name, node.keys, (node.settings)(profile))? {
+                checked(node, &value)?;
+                nodes.push((node, value));
+            }
+        }
+        let graph = Self { settings, nodes };
+        graph.check_pipe()?;
+        Ok(graph)
+    }
+
+    /// Whether every node gets what it takes, and somebody says when a scan is done.
+    fn check_pipe(&self) -> Result<(), String> {
+        let makes = |kind: Kind| self.nodes.iter().any(|(n, _)| n.stage == Some(kind.stage()));
+        for (node, _) in self.nodes.iter().filter(|(n, _)| n.stage.is_some()) {
+            if let Some(kind) = node.takes.iter().find(|&&kind| !makes(kind)) {
+                let (maker, takes) = (kind.stage().name(), kind.name());
+                return Err(format!("{} takes {takes}, which {maker} makes: add [{maker}]", node.name));
+            }
+        }
+        for needed in ["capture", "match"] {
+            if !self.has(needed) {
+                return Err(format!("a graph needs [{needed}]"));
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.nodes.iter().any(|(node, _)| node.name == name)
+    }
+
+    /// A node's settings.
+    pub(crate) fn settings_of(&self, name: &str) -> &Value {
+        let found = self.nodes.iter().find(|(node, _)| node.name == name);
+        found.map_or(&Value::Null, |(_, settings)| settings)
+    }
+
+    /// Fills in a setting that only the run knows.
+    pub(crate) fn fill_in(&mut self, name: &str, key: &str, value: impl Into<Value>) {
+        if let Some((_, Value::Object(settings))) = self.nodes.iter_mut().find(|(n, _)| n.name == name) {
+            settings.insert(key.to_owned(), value.into());
+        }
+    }
+
+    /// The nodes, as they need to know each other.
+    pub(crate) fn node_plans(&self) -> Vec<NodePlan> {
+        let plan = |node: &NodeType| NodePlan {
+            name: node.name.to_owned(),
+            takes: node.takes.to_vec(),
+            stage: node.stage,
+            finishes: node.finishes,
+        };
+        self.nodes.iter().map(|(node, _)| plan(node)).collect()
+    }
+
+    /// The whole effective configuration.
+    pub(crate) fn configuration(&self) -> Value {
+        let own = serde_json::to_value(&self.settings).unwrap_or_default();
+        let nodes = self.nodes.iter().map(|(node, value)| (node.name.to_owned(), value.clone()));
+        std::iter::once((GRAPH.to_owned(), own)).chain(nodes).collect::<Map<_, _>>().into()
+    }
+
+    /// The effective configuration as a graph file, each key with its meaning.
+    pub(crate) fn to_toml(&self) -> String {
+        let mut text = String::new();
+        let own = serde_json::to_value(&self.settings).unwrap_or_default();
+        let graph = (GRAPH, "the graph as a whole", Settings::KEYS, &own);
+        let nodes = self.nodes.iter().map(|(n, value)| (n.name, n.about, n.keys, value));
+        for (name, about, keys, value) in std::iter::once(graph).chain(nodes) {
+            let gap = if text.is_empty() { "" } else { "\n" };
+            writeln!(text, "{gap}# {about}\n[{name}]").unwrap_or_default();
+            for key in keys {
+                writeln!(text, "#{}", key.about).unwrap_or_default();
+                if let Some((least, most)) = key.range {
+                    writeln!(text, "# {least} to {most}").unwrap_or_default();
+                }
+                match toml_value(value.get(key.name)) {
+                    Some(value) => writeln!(text, "{} = {value}", key.name),
+                    None => writeln!(text, "# {} is not set", key.name),
+                }
+                .unwrap_or_default();
+            }
+        }
+        text
+    }
+
+    /// The graph as a Mermaid diagram: nodes, and the topics between them.
+    pub(crate) fn to_mermaid(&self) -> String {
+        let mut text = "flowchart LR\n".to_owned();
+        for (node, _) in &self.nodes {
+            writeln!(text, "    {0}[\"<b>{0}</b><br/>{1}\"]", node.name, node.about).unwrap_or_default();
+        }
+        for (maker, _) in &self.nodes {
+            for (taker, _) in &self.nodes {
+                let between = taker.takes.iter().filter(|kind| maker.stage == Some(kind.stage()));
+                let kinds: Vec<&str> = between.map(|kind| kind.name()).collect();
+                if !kinds.is_empty() {
+                    let kinds = kinds.join(", ");
+                    writeln!(text, "    {} -->|{kinds}| {}", maker.name, taker.name).unwrap_or_default();
+                }
+            }
+            if maker.finishes {
+                writeln!(text, "    {} -.->|done| capture", maker.name).unwrap_or_default();
+            }
+        }
+        text
+    }
+}
+
+fn toml_value(value: Option<&Value>) -> Option<toml::Value> {
+    let value = value.filter(|value| !value.is_null())?;
+    toml::Value::try_from(value).ok()
+}
+
+fn checked(node: &NodeType, value: &Value) -> Result<(), String> {
+    (node.check)(value).map_err(|text| {
+        // Serde names the value but not the key: find the key that does not parse by itself.
+        let Value::Object(whole) = value else { return format!("[{}] {text}", node.name) };
+        let defaults = (node.settings)(Profile::Default);
+        let alone = |(key, value): &(&String, &Value)| {
+            let mut one = defaults.clone();
+            if let Value::Object(one) = &mut one {
+                one.insert((*key).clone(), (*value).clone());
+            }
+            (node.check)(&one).is_err()
+        };
+        match whole.iter().find(alone) {
+            Some((key, _)) if !text.starts_with(key.as_str()) => format!("{}.{key}: {text}", node.name),
+            _ => format!("{}.{text}", node.name),
+        }
+    })
+}
+
+fn known_node(name: &str) -> Result<(), String> {
+    if name == GRAPH || registry::find(name).is_some() {
+        return Ok(());
+    }
+    let known = || NODES.iter().map(|node| node.name).chain([GRAPH]);
+    Err(match nearest(name, known()) {
+        Some(near) => format!("there is no node {name}; do you mean {near}?"),
+        None => format!("there is no node {name}; there are {}", known().collect::<Vec<_>>().join(", ")),
+    })
+}
+
+fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), String> {
+    let known = || keys.iter().map(|key| key.name);
+    if known().any(|name| name == key) {
+        return Ok(());
+    }
+    Err(match nearest(key, known()) {
+        Some(near) => format!("{node} has no key {key}; do you mean {node}.{near}?"),
+        None => format!("{node} has no key {key}; it has {}", known().collect::<Vec<_>>().join(", ")),
+    })
+}
+
+/// What the command line changes in a graph file.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Overrides {
+    set: Vec<(String, String, Value)>,
+    without: Vec<&'static str>,
+}
+
+impl Overrides {
+    /// Reads `node.key=value` lines; a value that is no TOML is taken for a text.
+    pub(crate) fn parse(lines: &[String]) -> Result<Self, Failure> {
+        let mut overrides = Self::default();
+        for line in lines {
+            let parts = line.split_once('=').and_then(|(place, value)| Some((place.split_once('.')?, value)));
+            let Some(((node, key), value)) = parts else {
+                return Err(Failure::usage(format!("--set expects node.key=value, not {line:?}")));
+            };
+            let parsed = format!("v = {value}").parse::<toml::Table>().ok();
+            let parsed = parsed.and_then(|mut table| table.remove("v")).filter(|_| !value.contains('\n'));
+            let parsed = parsed.and_then(|value| serde_json::to_value(value).ok());
+            overrides.set(node.trim(), key.trim(), parsed.unwrap_or_else(|| value.into()));
+        }
+        Ok(overrides)
+    }
+
+    /// Sets a key.
+    pub(crate) fn set(&mut self, node: &str, key: &str, value: impl Into<Value>) {
+        self.set.push((node.to_owned(), key.to_owned(), value.into()));
+    }
+
+    /// Leaves a node out.
+    pub(crate) fn without(&mut self, node: &'static str) {
+        self.without.push(node);
+        self.set.retain(|(name, _, _)| name != node);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, clippy::unwrap_in_result, reason = "tests")]
+    use super::*;
+
+    fn load(text: &str, set: &[&str]) -> Result<Graph, String> {
+        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+        Graph::parse(text, Profile::Default, &Overrides::parse(&set).unwrap())
+    }
+
+    #[test]
+    fn the_built_in_graph_is_sound_and_prints_as_a_graph_file_that_reads_back() {
+        let graph = load(BUILT_IN, &[]).unwrap();
+        let again = load(&graph.to_toml(), &[]).unwrap();
+        assert_eq!(again.configuration(), graph.configuration());
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_the_nearest_known_one() {
+        let error = load("[capture]\nsorce = \"x\"\n[match]\n", &[]).unwrap_err();
+        assert_eq!(error, "capture has no key sorce; do you mean capture.source?");
+        let error = load(BUILT_IN, &["filtr.floor=1"]).unwrap_err();
+        assert_eq!(error, "there is no node filtr; do you mean filter?");
+    }
+
+    #[test]
+    fn a_value_out_of_range_names_the_key_and_the_range() {
+        let error = load(BUILT_IN, &["capture.in_flight=99"]).unwrap_err();
+        assert!(error.starts_with("capture.in_flight must lie between 1 and "), "{error}");
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_type_names_the_key() {
+        let error = load(BUILT_IN, &["capture.in_flight=many"]).unwrap_err();
+        assert!(error.starts_with("capture.in_flight: invalid type: string \"many\""), "{error}");
+    }
+
+    #[test]
+    fn a_graph_with_a_gap_says_which_node_is_missing() {
+        let error = load("[capture]\n[filter]\n[hough]\n[match]\n", &[]).unwrap_err();
+        assert_eq!(error, "hough takes curves, which track makes: add [track]");
+    }
+
+    #[test]
+    fn the_diagram_shows_every_node_and_the_way_back_to_the_door() {
+        let diagram = load(BUILT_IN, &[]).unwrap().to_mermaid();
+        for line in ["capture -->|image| filter", "hough -->|tables| match", "record -.->|done| capture"] {
+            assert!(diagram.contains(line), "{line} in\n{diagram}");
+        }
+    }
+}

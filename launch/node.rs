@@ -1,0 +1,52 @@
+//! The other side of the launcher: this process is one node of a run.
+
+use std::error::Error;
+use std::path::Path;
+
+use messages::bus::{Bus, Run, Start, complain};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::rundir::Share;
+use crate::{Outcome, cli, registry};
+
+/// What the launcher leaves in the run's folder for its nodes.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct Orders {
+    pub(crate) run: Run,
+    pub(crate) configuration: Value,
+}
+
+impl Orders {
+    const FILE: &str = "orders.json";
+
+    pub(crate) fn write(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
+        Ok(std::fs::write(folder.join(Self::FILE), serde_json::to_vec(self)?)?)
+    }
+
+    fn read(folder: &Path) -> Result<Self, Box<dyn Error>> {
+        Ok(serde_json::from_slice(&std::fs::read(folder.join(Self::FILE))?)?)
+    }
+}
+
+/// Is the node until it shall stop.
+pub(crate) fn run(args: &cli::Node) -> Outcome {
+    match try_run(args) {
+        Ok(()) => Outcome::Done,
+        Err(error) => {
+            complain(&args.name, error.to_string());
+            Outcome::Failed
+        }
+    }
+}
+
+fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
+    // Dropped last: the bus leaves the folder before this process does.
+    let _share = Share::enter(&args.run)?;
+    let orders = Orders::read(&args.run)?;
+    let node = registry::find(&args.name).ok_or_else(|| format!("there is no node {}", args.name))?;
+    let settings = orders.configuration.get(node.name).cloned().unwrap_or_default();
+    let start = Start { life: args.life, first: args.first, configuration: orders.configuration };
+    let mut bus = Bus::join(orders.run, node.name, args.first)?;
+    (node.run)(&mut bus, &settings, &start)
+}

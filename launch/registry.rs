@@ -1,0 +1,109 @@
+//! The one registry of nodes: a new node is a crate, a line here and a line in a graph file.
+
+use std::error::Error;
+
+use messages::bus::{Bus, Start};
+use messages::settings::{Key, Settings};
+use messages::{Kind, Stage};
+use serde_json::Value;
+
+use crate::cli::Profile;
+
+/// A kind of node.
+#[derive(Debug)]
+pub(crate) struct NodeType {
+    /// Its name in graph files.
+    pub(crate) name: &'static str,
+    /// What it does.
+    pub(crate) about: &'static str,
+    /// What it takes in.
+    pub(crate) takes: &'static [Kind],
+    /// The stage it plays, if it makes data topics.
+    pub(crate) stage: Option<Stage>,
+    /// Whether a scan is done only when it says so.
+    pub(crate) finishes: bool,
+    /// All keys of its settings.
+    pub(crate) keys: &'static [Key],
+    /// Its settings in a profile.
+    pub(crate) settings: fn(Profile) -> Value,
+    /// Checks settings: types and ranges.
+    pub(crate) check: fn(&Value) -> Result<(), String>,
+    /// Is the node, until it shall stop.
+    pub(crate) run: fn(&mut Bus, &Value, &Start) -> Result<(), Box<dyn Error>>,
+}
+
+/// A line of the registry.
+macro_rules! node {
+    ($name:literal, $krate:ident, $about:literal, takes $takes:expr, stage $stage:expr, finishes $finishes:literal,
+     thesis $thesis:expr) => {
+        NodeType {
+            name: $name,
+            about: $about,
+            takes: $takes,
+            stage: $stage,
+            finishes: $finishes,
+            keys: <$krate::Settings as Settings>::KEYS,
+            settings: |profile| match profile {
+                Profile::Default => json(&$krate::Settings::default()),
+                Profile::Thesis => json(&$thesis),
+            },
+            check: |value| parse::<$krate::Settings>(value).map(drop),
+            run: |bus, value, start| Ok($krate::node::run(bus, parse(value)?, start)?),
+        }
+    };
+}
+
+/// All kinds of node, in the order of the pipe.
+pub(crate) const NODES: &[NodeType] = &[
+    node!("capture", capture, "where scans come from",
+        takes &[], stage Some(Stage::Capture), finishes false, thesis capture::Settings::default()),
+    node!("filter", filter, "Laplacian of Gaussian, zero-crossings, gradients",
+        takes &[Kind::Image], stage Some(Stage::Filter), finishes false, thesis filter::Settings::thesis()),
+    node!("track", track, "zero-crossings become curves",
+        takes &[Kind::Edges], stage Some(Stage::Track), finishes false, thesis track::Settings::thesis()),
+    node!("hough", hough, "curves become R-tables",
+        takes &[Kind::Curves], stage Some(Stage::Hough), finishes false, thesis hough::Settings::thesis()),
+    node!("match", matching, "R-tables become matches, disparities and points",
+        takes &[Kind::Curves, Kind::Tables], stage Some(Stage::Match), finishes true, thesis matching::Settings::thesis()),
+    node!("record", record, "every topic into MCAP",
+        takes &Kind::ALL, stage None, finishes true, thesis record::Settings::default()),
+];
+
+/// The kind of node of this name.
+pub(crate) fn find(name: &str) -> Option<&'static NodeType> {
+    NODES.iter().find(|node| node.name == name)
+}
+
+fn json(settings: &impl serde::Serialize) -> Value {
+    serde_json::to_value(settings).unwrap_or_default()
+}
+
+fn parse<S: Settings>(value: &Value) -> Result<S, String> {
+    let settings: S = serde_json::from_value(value.clone()).map_err(|e| e.to_string())?;
+    settings.check().map_err(|e| e.to_string())?;
+    Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
+    use super::*;
+
+    #[test]
+    fn every_nodes_settings_pass_their_own_check_in_every_profile() {
+        for node in NODES {
+            for profile in [Profile::Default, Profile::Thesis] {
+                (node.check)(&(node.settings)(profile)).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn every_key_says_what_it_means() {
+        for node in NODES {
+            for key in node.keys {
+                assert!(!key.about.trim().is_empty(), "{}.{}", node.name, key.name);
+            }
+        }
+    }
+}

@@ -1,0 +1,437 @@
+//! Starts the nodes, watches them, restarts the dead, ends the run and balances its ledger.
+//!
+//! ```text
+//! assembling: all have ports ─► connect all ─► all connected ─► begin  (again after each restart, then: resend)
+//! running:    until capture has finished: source exhausted or drained, every admitted scan done
+//! ending:     stop node by node along the pipe; the recorder comes last and gets the whole ledger
+//! ```
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::Path;
+use std::process::{Child, ChildStdin, Command as Process, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
+use messages::bus::{Command, Event, Level, Log, NodeReport, Progress};
+use messages::ledger::Ledger;
+
+use crate::{Failure, Outcome};
+
+/// What the supervisor is told.
+pub(crate) struct Duty<'a> {
+    /// The nodes' names, along the pipe.
+    pub(crate) nodes: Vec<String>,
+    /// The run's folder.
+    pub(crate) folder: &'a Path,
+    /// Restarts allowed before the next scan is done.
+    pub(crate) restarts: u32,
+    /// How long nothing may move.
+    pub(crate) patience: Duration,
+}
+
+/// What a run came to.
+#[derive(Debug)]
+pub(crate) struct Ran {
+    pub(crate) outcome: Outcome,
+    pub(crate) ledger: Ledger,
+    /// Each node's last report, along the pipe.
+    pub(crate) reports: Vec<NodeReport>,
+    /// How often each node was restarted.
+    pub(crate) restarts: BTreeMap<String, u32>,
+    /// From the first word to begin to the last scan done.
+    pub(crate) seconds: f64,
+}
+
+/// Sees how a run goes on.
+pub(crate) trait Watcher {
+    /// How far the scans have come.
+    fn progress(&mut self, progress: &Progress);
+    /// Something to tell the user.
+    fn say(&mut self, level: Level, node: &str, text: &str);
+}
+
+/// What happens to the supervisor.
+enum News {
+    Event(usize, u32, Event),
+    /// A node's standard output ended: it is dead.
+    Gone(usize, u32),
+    Signal,
+}
+
+struct Node {
+    name: String,
+    child: Child,
+    orders: Option<ChildStdin>,
+    life: u32,
+    has_ports: bool,
+    is_connected: bool,
+    has_begun: bool,
+    report: Option<NodeReport>,
+    has_finished: bool,
+}
+
+impl Node {
+    fn tell(&mut self, command: &Command) {
+        // A node that cannot be told is dead, and its death is heard elsewhere.
+        if let (Some(orders), Ok(mut line)) = (&mut self.orders, serde_json::to_vec(command)) {
+            line.push(b'\n');
+            orders.write_all(&line).and_then(|()| orders.flush()).unwrap_or_default();
+        }
+    }
+}
+
+/// How long a node may take to make its ports, or to end.
+const GRACE: Duration = Duration::from_secs(60);
+
+pub(crate) struct Supervisor<'a, W> {
+    duty: Duty<'a>,
+    watcher: &'a mut W,
+    nodes: Vec<Node>,
+    news: Receiver<News>,
+    teller: Sender<News>,
+    progress: Progress,
+    restarts: BTreeMap<String, u32>,
+    restarts_since_progress: u32,
+    connecting: bool,
+    signals: u32,
+    moved: Instant,
+    has_resent: bool,
+    trouble: Option<(Outcome, String)>,
+}
+
+impl<'a, W: Watcher> Supervisor<'a, W> {
+    /// Runs the nodes until all scans are done, a signal ends them or something fails for good.
+    pub(crate) fn run(duty: Duty<'a>, watcher: &'a mut W) -> Result<Ran, Failure> {
+        let (teller, news) = unbounded();
+        let signals = signals(&teller)?;
+        let mut supervisor = Self {
+            duty,
+            watcher,
+            nodes: Vec::new(),
+            news,
+            teller,
+            progress: Progress::default(),
+            restarts: BTreeMap::new(),
+            restarts_since_progress: 0,
+            connecting: false,
+            signals: 0,
+            moved: Instant::now(),
+            has_resent: false,
+            trouble: None,
+        };
+        let result = supervisor.supervise();
+        for node in &mut supervisor.nodes {
+            end(node);
+        }
+        signals.close();
+        result
+    }
+
+    fn supervise(&mut self) -> Result<Ran, Failure> {
+        for place in 0..self.duty.nodes.len() {
+            let node = self.spawn(place, 0)?;
+            self.nodes.push(node);
+        }
+        let mut began = None;
+        while self.trouble.is_none() && !self.nodes[0].has_finished {
+            self.hear(Duration::from_millis(500))?;
+            if began.is_none() && self.nodes[0].has_begun {
+                began = Some(Instant::now());
+            }
+            if self.signals > 1 {
+                return Ok(self.result(Outcome::Aborted, 0.0));
+            }
+            self.check_patience();
+        }
+        let seconds = began.map_or(0.0, |began| began.elapsed().as_secs_f64());
+        self.end_all()?;
+        let mut result = self.result(Outcome::Done, seconds);
+        if let Some((outcome, text)) = self.trouble.take() {
+            self.watcher.say(Level::Error, "launch", &text);
+            result.outcome = outcome;
+        } else if let Some(text) = self.capture_trouble() {
+            self.watcher.say(Level::Error, "capture", &text);
+            result.outcome = Outcome::Failed;
+        }
+        for fault in result.ledger.faults() {
+            self.watcher.say(Level::Error, "ledger", &fault);
+            if result.outcome == Outcome::Done {
+                result.outcome = Outcome::Lost;
+            }
+        }
+        Ok(result)
+    }
+
+    /// What the source could not give.
+    fn capture_trouble(&self) -> Option<String> {
+        let figures = &self.nodes[0].report.as_ref()?.figures;
+        Some(figures.get("failed")?.as_str()?.to_owned())
+    }
+
+    fn spawn(&self, place: usize, life: u32) -> Result<Node, Failure> {
+        let name = self.duty.nodes[place].clone();
+        let cannot = |e: std::io::Error| Failure::failed(format!("cannot start the node {name}: {e}"));
+        let mut child = Process::new(std::env::current_exe().map_err(cannot)?)
+            .args(["node", &name, "--life", &life.to_string()])
+            .args(["--first", &self.progress.done_below.to_string()])
+            .arg("--run")
+            .arg(self.duty.folder)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            // Its own process group: a terminal's Ctrl-C is for the launcher, which ends the nodes in order.
+            .process_group(0)
+            .spawn()
+            .map_err(cannot)?;
+        let orders = child.stdin.take();
+        let out = child.stdout.take();
+        let teller = self.teller.clone();
+        let listen = move || {
+            for line in out.into_iter().flat_map(|out| BufReader::new(out).lines()).map_while(Result::ok) {
+                if let Ok(event) = serde_json::from_str(&line) {
+                    if teller.send(News::Event(place, life, event)).is_err() {
+                        return;
+                    }
+                }
+            }
+            teller.send(News::Gone(place, life)).unwrap_or_default();
+        };
+        std::thread::Builder::new().name(format!("hear {name}")).spawn(listen).map_err(cannot)?;
+        Ok(Node {
+            name,
+            child,
+            orders,
+            life,
+            has_ports: false,
+            is_connected: false,
+            has_begun: false,
+            report: None,
+            has_finished: false,
+        })
+    }
+
+    /// Takes in what happens, at most for this long.
+    fn hear(&mut self, timeout: Duration) -> Result<(), Failure> {
+        match self.news.recv_timeout(timeout) {
+            Ok(News::Event(place, life, event)) if self.nodes[place].life == life => self.event(place, event),
+            Ok(News::Gone(place, life)) if self.nodes[place].life == life => self.gone(place)?,
+            Ok(News::Signal) => {
+                self.signals += 1;
+                if self.signals == 1 {
+                    self.watcher.say(Level::Info, "launch", "stopping: the pipe drains; once more aborts");
+                    self.nodes[0].tell(&Command::Drain);
+                }
+            }
+            Ok(_) | Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+        }
+        self.assemble();
+        Ok(())
+    }
+
+    fn event(&mut self, place: usize, event: Event) {
+        match event {
+            Event::Ports => self.nodes[place].has_ports = true,
+            Event::Connected => self.nodes[place].is_connected = true,
+            Event::Log(Log { level, node, text }) => self.watcher.say(level, &node, &text),
+            Event::Progress(progress) => {
+                if progress.done_below > self.progress.done_below {
+                    self.restarts_since_progress = 0;
+                }
+                if progress != self.progress {
+                    self.moved = Instant::now();
+                    self.has_resent = false;
+                    self.watcher.progress(&progress);
+                    self.progress = progress;
+                }
+            }
+            Event::Report(report) => {
+                if self.nodes[place].report.as_ref().is_none_or(|last| last.topics != report.topics) {
+                    self.moved = Instant::now();
+                }
+                self.nodes[place].report = Some(report);
+            }
+            Event::Finished(report) => {
+                self.nodes[place].report = Some(report);
+                self.nodes[place].has_finished = true;
+            }
+        }
+    }
+
+    /// A node is dead: if it was killed it is restarted, if it gave up the run fails.
+    fn gone(&mut self, place: usize) -> Result<(), Failure> {
+        if self.nodes[place].has_finished {
+            return Ok(());
+        }
+        let status = end(&mut self.nodes[place]);
+        let (name, life) = (self.nodes[place].name.clone(), self.nodes[place].life);
+        let how = status.map_or("is gone".to_owned(), how_it_ended);
+        let gave_up = status.and_then(|s| s.code()) == Some(1);
+        if self.trouble.is_some() {
+            return Ok(());
+        }
+        if gave_up || !self.nodes.iter().any(|n| n.has_begun) {
+            let what = if gave_up { "cannot go on" } else { "could not be started" };
+            self.trouble = Some((Outcome::Failed, format!("{name} {what} ({how}): the run ends")));
+            return Ok(());
+        }
+        self.restarts_since_progress += 1;
+        if self.restarts_since_progress > self.duty.restarts {
+            let text = format!("{name} {how}, after {} restarts without a scan done: the run gives up", self.duty.restarts);
+            self.trouble = Some((Outcome::Lost, text));
+            return Ok(());
+        }
+        *self.restarts.entry(name.clone()).or_default() += 1;
+        self.watcher.say(Level::Warn, "launch", &format!("{name} {how}: it is restarted"));
+        self.nodes[place] = self.spawn(place, life + 1)?;
+        self.connecting = false;
+        for node in &mut self.nodes {
+            node.is_connected = false;
+        }
+        self.moved = Instant::now();
+        Ok(())
+    }
+
+    /// Brings all nodes to where everybody is connected and has begun.
+    fn assemble(&mut self) {
+        let live = || self.nodes.iter().filter(|n| !n.has_finished);
+        if self.nodes.len() < self.duty.nodes.len() || live().all(|n| n.has_begun && n.is_connected) {
+            return;
+        }
+        let all_have_ports = live().all(|n| n.has_ports);
+        let all_are_connected = live().all(|n| n.is_connected);
+        if !self.connecting && all_have_ports {
+            self.connecting = true;
+            for node in &mut self.nodes {
+                node.tell(&Command::Connect);
+            }
+        }
+        if self.connecting && all_are_connected {
+            self.connecting = false;
+            let is_restart = self.nodes.iter().any(|n| n.has_begun);
+            // The door opens last.
+            for node in self.nodes.iter_mut().rev().filter(|n| !n.has_begun) {
+                node.tell(&Command::Begin);
+                node.has_begun = true;
+            }
+            if is_restart {
+                self.nodes[0].tell(&Command::Resend);
+            }
+            if self.signals > 0 {
+                self.nodes[0].tell(&Command::Drain);
+            }
+        }
+    }
+
+    /// When nothing moves, sends the scans under way once more; when that does not help, gives up.
+    fn check_patience(&mut self) {
+        let idle = self.moved.elapsed();
+        let under_way = self.progress.admitted - self.progress.done.min(self.progress.admitted);
+        let assembled = self.nodes.iter().all(|n| n.has_begun && n.is_connected);
+        if !assembled && idle > GRACE.max(self.duty.patience) {
+            let silent = self.nodes.iter().filter(|n| !n.has_ports || !n.is_connected);
+            let names: Vec<&str> = silent.map(|n| n.name.as_str()).collect();
+            let text = format!("{} did not get ready: the run ends", names.join(", "));
+            self.trouble = Some((Outcome::Failed, text));
+        } else if assembled && under_way > 0 && idle > 4 * self.duty.patience {
+            let text = format!("nothing moves with {under_way} scans under way: the run gives up");
+            self.trouble = Some((Outcome::Lost, text));
+        } else if assembled && under_way > 0 && idle > self.duty.patience && !self.has_resent {
+            self.has_resent = true;
+            self.watcher.say(Level::Warn, "launch", "nothing moves: the scans under way are sent once more");
+            self.nodes[0].tell(&Command::Resend);
+        }
+    }
+
+    /// Stops the nodes one by one along the pipe. One that is killed meanwhile is restarted, so that it ends in order.
+    fn end_all(&mut self) -> Result<(), Failure> {
+        for place in 0..self.nodes.len() {
+            let ledger = self.ledger();
+            let mut told = None;
+            let deadline = Instant::now() + GRACE;
+            loop {
+                if told != Some(self.nodes[place].life) {
+                    told = Some(self.nodes[place].life);
+                    self.nodes[place].tell(&Command::Stop { ledger: ledger.clone() });
+                }
+                let is_over = !matches!(self.nodes[place].child.try_wait(), Ok(None));
+                if is_over && (self.nodes[place].has_finished || self.trouble.is_some()) {
+                    break;
+                }
+                if self.signals > 1 || Instant::now() > deadline {
+                    let text = format!("{} did not end in time and was killed", self.nodes[place].name);
+                    self.trouble.get_or_insert((Outcome::Failed, text));
+                    break;
+                }
+                self.hear(Duration::from_millis(20))?;
+            }
+            end(&mut self.nodes[place]);
+        }
+        Ok(())
+    }
+
+    fn ledger(&self) -> Ledger {
+        let topics = |node: &Node| Some((node.name.clone(), node.report.as_ref()?.topics.clone()));
+        Ledger {
+            admitted: self.progress.admitted,
+            done: self.progress.done,
+            refused: self.progress.refused.clone(),
+            nodes: self.nodes.iter().filter_map(topics).filter(|(_, topics)| !topics.is_empty()).collect(),
+        }
+    }
+
+    fn result(&self, outcome: Outcome, seconds: f64) -> Ran {
+        Ran {
+            outcome,
+            ledger: self.ledger(),
+            reports: self.nodes.iter().filter_map(|n| n.report.clone()).collect(),
+            restarts: self.restarts.clone(),
+            seconds,
+        }
+    }
+}
+
+/// Ends a node's process, by force if it lives, and reaps it.
+fn end(node: &mut Node) -> Option<ExitStatus> {
+    node.orders = None;
+    if let Ok(Some(status)) = node.child.try_wait() {
+        return Some(status);
+    }
+    // Its output has ended or it shall end at once: give it the time to exit by itself, then insist.
+    let deadline = Instant::now() + Duration::from_millis(300);
+    while Instant::now() < deadline {
+        if let Ok(Some(status)) = node.child.try_wait() {
+            return Some(status);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    node.child.kill().unwrap_or_default();
+    node.child.wait().ok()
+}
+
+fn how_it_ended(status: ExitStatus) -> String {
+    match (status.code(), status.signal()) {
+        (_, Some(7)) => "was killed by SIGBUS: shared memory is full".to_owned(),
+        (_, Some(signal)) => format!("was killed by signal {signal}"),
+        (Some(code), None) => format!("ended with code {code}"),
+        (None, None) => "ended".to_owned(),
+    }
+}
+
+/// Hears SIGINT and SIGTERM, which mean the same.
+fn signals(teller: &Sender<News>) -> Result<signal_hook::iterator::Handle, Failure> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let cannot = |e| Failure::failed(format!("cannot listen to signals: {e}"));
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(cannot)?;
+    let handle = signals.handle();
+    let teller = teller.clone();
+    let listen = move || {
+        for _ in signals.forever() {
+            if teller.send(News::Signal).is_err() {
+                return;
+            }
+        }
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(cannot)?;
+    Ok(handle)
+}
