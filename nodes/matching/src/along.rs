@@ -3,7 +3,7 @@
 //! A curve tracked across a depth step has no single disparity, so each point chooses for itself, and neighbours along
 //! the curve pay for disagreeing: linearly at first, capped, so that one jump is affordable.
 
-use messages::{Edge, NONE};
+use messages::NONE;
 
 use crate::candidates::{Candidate, Candidates};
 
@@ -187,8 +187,8 @@ pub(crate) struct Steadiness {
 }
 
 /// Forgets every choice outside runs of steady disparity, and tells the others how long their run is.
-pub(crate) fn keep_runs(points: &[Edge], choices: &mut [Choice], steadiness: &Steadiness) {
-    for_each_run(points, choices, steadiness, |_, choices, seen| {
+pub(crate) fn keep_runs(choices: &mut [Choice], steadiness: &Steadiness) {
+    for_each_run(choices, steadiness, |choices, seen| {
         if seen < steadiness.least {
             choices.fill(Choice::NOTHING);
         } else {
@@ -201,10 +201,9 @@ pub(crate) fn keep_runs(points: &[Edge], choices: &mut [Choice], steadiness: &St
 
 /// Calls with each run, first to last seen point, and the number of points seen in it.
 fn for_each_run(
-    points: &[Edge],
     choices: &mut [Choice],
     steadiness: &Steadiness,
-    mut run: impl FnMut(&[Edge], &mut [Choice], usize),
+    mut run: impl FnMut(&mut [Choice], usize),
 ) {
     let mut at = 0;
     while at < choices.len() {
@@ -226,13 +225,13 @@ fn for_each_run(
             at += 1;
         }
         at = last + 1;
-        run(&points[start..at], &mut choices[start..at], seen);
+        run(&mut choices[start..at], seen);
     }
 }
 
 /// Fills the gaps inside runs by interpolation along the curve.
-pub(crate) fn fill_gaps(points: &[Edge], choices: &mut [Choice], steadiness: &Steadiness) {
-    for_each_run(points, choices, steadiness, |_, choices, _| {
+pub(crate) fn fill_gaps(choices: &mut [Choice], steadiness: &Steadiness) {
+    for_each_run(choices, steadiness, |choices, _| {
         let mut last = 0;
         for at in 1..choices.len() {
             if !choices[at].is_some() {

@@ -4,24 +4,33 @@
 //! curves, R-tables of three views, coarse to fine ─► candidates ─► along curves ─► support ─► matches ─► fused points
 //! ```
 
+#[cfg(feature = "node")]
+pub mod node;
 mod along;
+mod by_curve;
+mod by_point;
 mod candidates;
+mod closed_loop;
+mod differences;
 mod fuse;
+mod relation;
+mod report;
 mod rows;
 pub mod settings;
 mod support;
 mod surroundings;
+mod vote;
+mod windows;
 
-use messages::{
-    Calibration, CurvesView, DisparityRoom, Match, MatchPoint, MatchesRoom, NONE, PointsRoom, Size, TablesView,
-};
+use messages::{Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Size, TablesView};
 
-pub use settings::{Assignment, Reference, Settings};
+pub use settings::{Assignment, Filling, Reference, Settings};
 
-use along::{Along, Choice, Smoothness, Steadiness};
-use candidates::{Candidates, Likeness};
+use along::{Along, Choice};
+use candidates::Candidates;
+use closed_loop::{Closed, ClosedLoop};
 use rows::Rows;
-use support::{Neighbourhood, Support};
+use support::Support;
 use surroundings::Surroundings;
 
 /// What one view says in one channel.
@@ -77,6 +86,8 @@ impl Steps {
 #[derive(Debug, Default)]
 pub struct Matcher {
     settings: Settings,
+    /// σ² of each channel.
+    variances: Vec<f32>,
     rows: [Rows; 3],
     candidates: Candidates,
     along: Along,
@@ -85,13 +96,20 @@ pub struct Matcher {
     earlier: Surroundings,
     choices: Vec<Choice>,
     smooth: Vec<f32>,
+    closed_loop: ClosedLoop,
+    /// Per curve of the reference view the loop that closed.
+    closed: Vec<Option<Closed>>,
+    nodes: Vec<relation::Node>,
+    nodes_before: Vec<relation::Node>,
+    /// Curves of the near and the far view that a curve's points chose, with their numbers.
+    partners: [Vec<(u32, u32)>; 2],
     fuse: fuse::Fuse,
 }
 
 impl Matcher {
-    /// A matcher with these settings.
-    pub fn new(settings: &Settings) -> Self {
-        Self { settings: settings.clone(), ..Self::default() }
+    /// A matcher with these settings for channels of these σ², coarse to fine.
+    pub fn new(settings: &Settings, channels: &[f32]) -> Self {
+        Self { settings: settings.clone(), variances: channels.to_vec(), ..Self::default() }
     }
 
     /// Matches one scan: `inputs` holds the channels coarse to fine, each with its three views left to right; `matches`
@@ -110,7 +128,7 @@ impl Matcher {
             most: self.settings.disparity_most.unwrap_or(size.width as f32 / 8.0),
         };
         for (channel, (views, room)) in inputs.iter().zip(matches.iter_mut()).enumerate() {
-            self.match_channel(views, size, range, channel > 0, room);
+            self.match_channel(views, size, range, channel, room);
         }
         let steps = Steps::from(self.settings.reference);
         let fill_in = self.settings.fill_in.then_some(self.settings.fill_in_radius);
@@ -122,145 +140,33 @@ impl Matcher {
         views: &[ChannelView<'_>; 3],
         size: Size,
         range: Range,
-        has_coarser: bool,
+        channel: usize,
         room: &mut MatchesRoom<'_>,
     ) {
-        let s = &self.settings;
-        let steps = Steps::from(s.reference);
+        let steps = Steps::from(self.settings.reference);
+        let reference = views[steps.reference].curves;
         room.clear();
         for (rows, view) in self.rows.iter_mut().zip(views) {
             rows.fill(view);
         }
-        let like = Likeness {
-            turn: s.orientation_tolerance.to_radians(),
-            miss: s.miss,
-            flat: s.flat.to_radians().sin(),
-            turn_cost: s.turn_cost,
-            miss_cost: s.miss_cost,
-            gray_cost: s.gray_cost,
-            gray_most: s.gray_most,
-            better: s.better_side / (1.0 + s.better_side),
-            magnitude_cost: s.magnitude_cost,
-            prior_cost: s.prior_cost,
-            most: s.nothing + s.jump,
-            keep: s.candidates,
-        };
-        let prior = (has_coarser && s.prior_cost > 0.0).then_some(&self.coarser);
-        self.candidates.gather(&self.rows, steps, range, &like, prior);
-
-        let reference = views[steps.reference];
-        let edges = reference.curves.points;
         self.choices.clear();
-        self.choices.resize(edges.len(), Choice::NOTHING);
-        let smoothness = Smoothness { nothing: s.nothing, change: s.change, jump: s.jump, crossing: s.crossing };
-        let steadiness = Steadiness { step: s.steady, gap: s.gap, least: s.run };
-        let around = Neighbourhood {
-            radius: s.support_radius,
-            nearest: s.support_nearest,
-            share: s.support_share,
-            within: s.support_within,
-            slope: s.support_slope,
-            least: s.support_least,
-        };
-        for pass in 0..=s.relaxations {
-            let earlier = (pass > 0).then_some(&self.earlier);
-            for curve in reference.curves.curves {
-                let near = &self.rows[steps.near].spots;
-                let dearer = |point: usize, candidate: &candidates::Candidate| {
-                    earlier.map_or(0.0, |earlier| {
-                        let edge = &edges[point];
-                        s.relaxation_cost * earlier.strangeness(edge.x, edge.y, candidate.disparity)
-                    })
-                };
-                let curve_of = |spot: u32| near[spot as usize].curve;
-                self.along.choose(curve.range(), &self.candidates, &smoothness, dearer, curve_of, &mut self.choices);
-                keep_runs(curve.range(), edges, &mut self.choices, &steadiness);
-            }
-            let worth = |choice: &Choice| choice.cost - (choice.run as f32).min(32.0) / 32.0;
-            for (which, view) in [steps.near, steps.far].into_iter().enumerate() {
-                self.support.keep_unique(self.rows[view].spots.len(), which, &mut self.choices, worth);
-            }
-            if pass < s.relaxations {
-                self.earlier.clear(size, s.cell, range);
-                for (edge, choice) in edges.iter().zip(&self.choices) {
-                    if choice.is_some() {
-                        self.earlier.add(edge.x, edge.y, choice.disparity);
-                    }
-                }
-                self.earlier.settle();
+        self.choices.resize(reference.points.len(), Choice::NOTHING);
+        self.closed.clear();
+        self.closed.resize(reference.curves.len(), None);
+        match self.settings.assignment {
+            Assignment::Point => self.assign_points(views, size, range, steps, channel > 0),
+            Assignment::Curve => {
+                let variance = self.variances.get(channel).copied().unwrap_or(1.0);
+                self.assign_curves(views, range, steps, variance, channel > 0);
             }
         }
-        if s.support_share > 0.0 {
-            self.support.keep_supported(&self.rows[steps.reference], &around, &mut self.choices);
-        }
-        self.coarser.clear(size, s.cell, range);
-        for curve in reference.curves.curves {
-            keep_runs(curve.range(), edges, &mut self.choices, &steadiness);
-            let (edges, choices) = (&edges[curve.range()], &mut self.choices[curve.range()]);
-            if s.straighten > 0 {
-                along::straighten(choices, s.straighten, s.steady, &mut self.smooth);
-            }
-            along::fill_gaps(edges, choices, &steadiness);
-            for (edge, choice) in edges.iter().zip(choices.iter()) {
-                if choice.is_some() {
-                    self.coarser.add(edge.x, edge.y, choice.disparity);
-                }
+        self.coarser.clear(size, self.settings.cell, range);
+        for (edge, choice) in reference.points.iter().zip(&self.choices) {
+            if choice.is_some() {
+                self.coarser.add(edge.x, edge.y, choice.disparity);
             }
         }
         self.coarser.settle();
-        self.report(views, steps, room);
+        self.report(reference, steps, room);
     }
-
-    /// Writes down the matched curves and their points.
-    fn report(&mut self, views: &[ChannelView<'_>; 3], steps: Steps, room: &mut MatchesRoom<'_>) {
-        let reference = views[steps.reference].curves;
-        for (label, curve) in (0..).zip(reference.curves) {
-            let first = room.points.len() as u32;
-            let (mut residual, mut disparity, mut support, mut seen) = (0.0, 0.0, 0.0, 0.0f32);
-            for point in curve.range() {
-                let choice = &self.choices[point];
-                if !choice.is_some() {
-                    continue;
-                }
-                let edge = &reference.points[point];
-                disparity += choice.disparity;
-                if choice.is_seen() {
-                    residual += choice.bend.abs();
-                    support += choice.support;
-                    seen += 1.0;
-                }
-                room.points.push(MatchPoint {
-                    x: edge.x,
-                    y: edge.y,
-                    disparity: choice.disparity,
-                    score: confidence(choice),
-                    point: point as u32,
-                    filled: u32::from(!choice.is_seen()),
-                });
-            }
-            let count = room.points.len() as u32 - first;
-            if count == 0 {
-                continue;
-            }
-            room.matches.push(Match {
-                curves: steps.in_order(label, NONE, NONE),
-                first,
-                count,
-                score: count as f32 / curve.count as f32,
-                residual: residual / seen.max(1.0),
-                disparity: disparity / count as f32,
-                support: support / seen.max(1.0),
-            });
-        }
-    }
-}
-
-fn keep_runs(range: std::ops::Range<usize>, edges: &[messages::Edge], choices: &mut [Choice], steadiness: &Steadiness) {
-    along::keep_runs(&edges[range.clone()], &mut choices[range], steadiness);
-}
-
-/// How sure a point is, 0 to 1.
-fn confidence(choice: &Choice) -> f32 {
-    let sure = 1.0 * choice.margin - 1.0 * choice.cost + (choice.run as f32).min(40.0) / 40.0 + 2.0 * choice.support;
-    1.0 / (1.0 + (-sure).exp())
 }

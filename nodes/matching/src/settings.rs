@@ -26,6 +26,17 @@ pub enum Assignment {
     Curve,
 }
 
+/// What disparity the points of a matched curve get that have no partner of their own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Filling {
+    /// Interpolated along the curve.
+    #[default]
+    Along,
+    /// That of the centroid, as in the thesis.
+    Centroid,
+}
+
 messages::settings! {
     /// How curves are matched.
     pub struct Settings {
@@ -97,5 +108,47 @@ messages::settings! {
         pub fill_in_radius: usize = 2, in 0..=32;
         /// Whether coarser channels fill in at all.
         pub fill_in: bool = true;
+        /// Assignment of curves: the disparity expected in the coarsest channel, in pixels; by default all are searched.
+        pub initial_disparity: Option<f32> = None, in 0..=4096;
+        /// Assignment of curves: columns of the window in which partners are looked for, in central widths of the filter.
+        pub window_widths: f32 = 1.5, in 0.1..=100;
+        /// Assignment of curves: rows of that window.
+        pub window_rows: f32 = 24.0, in 1..=1000;
+        /// Assignment of curves: rows by which points that vote may differ.
+        pub vote_rows: u32 = 1, in 0..=16;
+        /// Assignment of curves: pixels of disparity a cell of the accumulator is wide.
+        pub vote_cell: f32 = 1.0, in 0.1..=16;
+        /// Assignment of curves: votes by length that a partner needs.
+        pub score: f32 = 0.5, in 0..=1;
+        /// Assignment of curves: pixels by which the loop may miss its start, and its steps may differ.
+        pub loop_residual: f32 = 3.0, in 0.1..=64;
+        /// Assignment of curves: pixels between the centroids of neighbours in the graph.
+        pub relation_radius: f32 = 60.0, in 1..=1000;
+        /// Assignment of curves: how strongly a round of relaxation changes a match's certainty.
+        pub relation_strength: f32 = 0.3, in 0..=1;
+        /// Assignment of curves: rounds of relaxation.
+        pub relation_rounds: usize = 3, in 0..=100;
+        /// Assignment of curves: certainty after relaxation, 0 to 1, that a match needs.
+        pub certainty: f32 = 0.4, in 0..=1;
+        /// Assignment of curves: what points without a partner get: along (interpolated) or centroid (the thesis).
+        pub filling: Filling = Filling::Along;
+    }
+}
+
+impl Settings {
+    /// The constants of the thesis: curves are assigned, not points; windows of 1.5 w by 24 rows around an initial
+    /// estimate of 32 pixels or what the coarser channel predicts; orientations within 10°; points without a partner
+    /// get the centroid's disparity.
+    pub fn thesis() -> Self {
+        Self {
+            reference: Reference::Left,
+            assignment: Assignment::Curve,
+            initial_disparity: Some(32.0),
+            window_widths: 1.5,
+            window_rows: 24.0,
+            orientation_tolerance: 10.0,
+            filling: Filling::Centroid,
+            ..Self::default()
+        }
     }
 }

@@ -88,4 +88,16 @@ impl Surroundings {
         let known = total / (total + 16.0);
         known * (1.0 - 5.0 * share).max(0.0)
     }
+
+    /// The average disparity known around a place.
+    pub(crate) fn average(&self, x: f32, y: f32) -> Option<f32> {
+        let cell = self.index(x, y);
+        let counts = &self.smooth[cell..cell + self.bins];
+        let (mut all, mut sum) = (0.0, 0.0);
+        for (bin, count) in counts.iter().enumerate() {
+            all += count;
+            sum += count * (self.least + (bin as f32 - 1.0) * self.bin);
+        }
+        (all > 0.0).then(|| sum / all)
+    }
 }

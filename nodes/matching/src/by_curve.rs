@@ -1,0 +1,80 @@
+//! Whole curves are matched in a closed loop, weighed against their neighbours, and their points paired row by row:
+//! the thesis's way.
+
+use crate::closed_loop::Closing;
+use crate::differences::{self, Pairing};
+use crate::relation::{self, Node, Relation};
+use crate::settings::Filling;
+use crate::vote::Ballot;
+use crate::{ChannelView, Matcher, Range, Steps};
+
+impl Matcher {
+    /// Finds the choices of all points of the reference view's matched curves.
+    pub(crate) fn assign_curves(
+        &mut self,
+        views: &[ChannelView<'_>; 3],
+        range: Range,
+        steps: Steps,
+        variance: f32,
+        has_coarser: bool,
+    ) {
+        let s = &self.settings;
+        let reference = views[steps.reference].curves;
+        let turn = s.orientation_tolerance.to_radians();
+        let ballot = Ballot { turn, rows: s.vote_rows, cell: s.vote_cell };
+        // The central width of the filter is w = 2·√2·σ.
+        let width = s.window_widths * (8.0 * variance).sqrt();
+        let closing = Closing {
+            width,
+            rows: s.window_rows,
+            score: s.score,
+            residual: s.loop_residual,
+            tries: s.candidates,
+        };
+        self.closed_loop.fill(views);
+        self.nodes.clear();
+        for (label, curve) in (0..).zip(reference.curves) {
+            let predicted = if has_coarser { self.coarser.average(curve.x, curve.y) } else { None };
+            let expected = predicted.or(s.initial_disparity).map_or(range, |disparity| Range {
+                least: (disparity - width / 2.0).max(range.least),
+                most: (disparity + width / 2.0).min(range.most),
+            });
+            let closed = self.closed_loop.close(views, &self.rows, label, steps, expected, &ballot, &closing);
+            self.closed[label as usize] = closed;
+            if let Some(closed) = closed {
+                self.nodes.push(Node {
+                    x: curve.x,
+                    y: curve.y,
+                    disparity: closed.disparity,
+                    certainty: closed.score,
+                    support: 1.0,
+                });
+            }
+        }
+        let relation = Relation {
+            radius: s.relation_radius,
+            within: s.support_within,
+            slope: s.support_slope,
+            strength: s.relation_strength,
+            rounds: s.relation_rounds,
+        };
+        relation::relax(&mut self.nodes, &relation, &mut self.nodes_before);
+
+        let pairing = Pairing { turn, spread: s.loop_residual, miss: s.miss, flat: s.flat.to_radians().sin() };
+        let matched = self.closed.iter_mut().filter(|closed| closed.is_some());
+        for (closed, node) in matched.zip(&self.nodes) {
+            let Some(found) = closed.filter(|_| node.certainty >= s.certainty) else {
+                *closed = None;
+                continue;
+            };
+            let range = reference.curves[found.curves[steps.reference] as usize].range();
+            let choices = &mut self.choices[range.clone()];
+            differences::row_by_row(&reference.points[range], &found, &self.rows, steps, &pairing, choices);
+            for choice in choices.iter_mut() {
+                choice.support = node.support;
+            }
+            let centroid = (s.filling == Filling::Centroid).then_some(found.disparity);
+            differences::fill_whole(choices, centroid, found.disparity);
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Disparities inside a matched curve as in the thesis: differences of columns, row by row.
+
+use messages::Edge;
+
+use crate::along::Choice;
+use crate::closed_loop::Closed;
+use crate::rows::{Rows, turn};
+use crate::{Range, Steps};
+
+/// Which points are partners inside matched curves.
+#[derive(Clone, Debug)]
+pub(crate) struct Pairing {
+    /// Radians by which orientations may differ.
+    pub(crate) turn: f32,
+    /// Pixels of disparity around the curve's own that points may have.
+    pub(crate) spread: f32,
+    /// Pixels by which the far view may miss what the near one predicts.
+    pub(crate) miss: f32,
+    /// Below this |cos| of the orientation there is no one-to-one pair.
+    pub(crate) flat: f32,
+}
+
+/// Finds the disparity of each point of a matched curve that has a partner in its row in both other curves.
+pub(crate) fn row_by_row(
+    edges: &[Edge],
+    closed: &Closed,
+    rows: &[Rows; 3],
+    steps: Steps,
+    pairing: &Pairing,
+    choices: &mut [Choice],
+) {
+    let range = Range { least: closed.disparity - pairing.spread, most: closed.disparity + pairing.spread };
+    for (edge, choice) in edges.iter().zip(choices) {
+        *choice = Choice::NOTHING;
+        if !edge.is_in_row() || edge.orientation.cos().abs() < pairing.flat {
+            continue;
+        }
+        let partner = |view: usize, to: f32, range: Range| {
+            let ends = [edge.x - to * range.least, edge.x - to * range.most];
+            let middle = (ends[0] + ends[1]) / 2.0;
+            let between = rows[view].between(edge.y as usize, ends[0].min(ends[1]), ends[0].max(ends[1]));
+            let own = between.filter(|&i| {
+                let spot = &rows[view].spots[i];
+                spot.curve == closed.curves[view] && turn(spot.orientation, edge.orientation) <= pairing.turn
+            });
+            let far = |i: &usize| (rows[view].spots[*i].x - middle).abs();
+            own.min_by(|a, b| far(a).total_cmp(&far(b)))
+        };
+        let Some(near) = partner(steps.near, steps.to_near, range) else {
+            continue;
+        };
+        let short = (edge.x - rows[steps.near].spots[near].x) / steps.to_near;
+        let allowed = pairing.miss / steps.to_far.abs();
+        let expected = Range { least: short - allowed, most: short + allowed };
+        let Some(far) = partner(steps.far, steps.to_far, expected) else {
+            continue;
+        };
+        let xs = steps.in_order(edge.x, rows[steps.near].spots[near].x, rows[steps.far].spots[far].x);
+        *choice = Choice {
+            disparity: (xs[0] - xs[2]) / 2.0,
+            cost: 1.0 - closed.score,
+            margin: 0.0,
+            bend: xs[1] - (xs[0] + xs[2]) / 2.0,
+            spots: [near as u32, far as u32],
+            run: 1,
+            support: 0.0,
+        };
+    }
+}
+
+/// Gives the points of a matched curve that have no pair the curve's disparity: interpolated along the curve and held
+/// at its ends, or, as in the thesis, that of the centroid.
+pub(crate) fn fill_whole(choices: &mut [Choice], centroid: Option<f32>, otherwise: f32) {
+    let filled = |disparity: f32, like: Choice| Choice { disparity, spots: [messages::NONE; 2], ..like };
+    let mut last: Option<usize> = None;
+    for at in 0..=choices.len() {
+        let seen = choices.get(at).is_some_and(Choice::is_seen);
+        if !seen && at < choices.len() {
+            continue;
+        }
+        let start = last.map_or(0, |last| last + 1);
+        for between in start..at {
+            let before = last.map(|last| choices[last]);
+            let after = choices.get(at).copied();
+            let like = before.or(after).unwrap_or(Choice { cost: 1.0, ..Choice::NOTHING });
+            let along = match (before, after) {
+                (Some(a), Some(b)) => {
+                    let share = (between + 1 - start) as f32 / (at + 1 - start) as f32;
+                    a.disparity + share * (b.disparity - a.disparity)
+                }
+                (Some(a), None) => a.disparity,
+                (None, Some(b)) => b.disparity,
+                (None, None) => otherwise,
+            };
+            choices[between] = filled(centroid.unwrap_or(along), like);
+        }
+        last = Some(at);
+    }
+}
