@@ -1,1 +1,152 @@
-//! The recording.
+//! The recording's encodings: every topic as protobuf or JSON that others can read, and the data back from it.
+//!
+//! ```text
+//! Header + XView ─► Codec::encode ─► protobuf, schema embedded ─► Codec::decode ─► Owned<X>, the same bytes
+//! ```
+//!
+//! Data topics are lossless. The payload's large sections go in as the memory they are, so that encoding costs one
+//! copy; their layout is declared field by field beside them, and small records (curves, tables, matches) are
+//! messages of their own. Topics for people (curves over each image, the disparity picture in colours) and about the
+//! scene (calibration, frames) are derived from the data.
+
+mod codec;
+mod row;
+mod scene;
+mod schema;
+mod statistics;
+mod views;
+mod wire;
+
+pub use codec::{DecodeError, Recorded};
+pub use scene::Level;
+pub use schema::Schema;
+pub use statistics::{Milliseconds, Statistics};
+pub use views::{Colours, Span, Views, paint};
+
+use crate::rig::Rig;
+use crate::topic::Topic;
+
+/// What a recording's channel carries.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// The frames from `world` to every camera.
+    Transforms,
+    /// The calibration of the view with this index.
+    Calibration(usize),
+    /// The messages of a data topic.
+    Data(Topic),
+    /// The curves of the view with this index, drawn over its image.
+    Annotations(usize),
+    /// The disparity picture in colours.
+    Picture,
+    /// [`Statistics`] of each scan.
+    Statistics,
+    /// The [`Ledger`](crate::ledger::Ledger).
+    Ledger,
+    /// What the nodes have to say.
+    Log,
+}
+
+/// A channel of a recording: a topic and how its messages are to be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// The topic's name.
+    pub name: String,
+    /// What it carries.
+    pub content: Content,
+    /// How its messages are to be read.
+    pub schema: Schema,
+}
+
+/// Turns messages of one rig into what is recorded, and back.
+#[derive(Clone, Debug)]
+pub struct Codec {
+    rig: Rig,
+    reference: usize,
+    optical_frames: Vec<String>,
+    pixel_frames: Vec<String>,
+}
+
+impl Codec {
+    /// For the messages of a rig whose disparities and points are those of the view with index `reference`, or of
+    /// the last view when there are fewer.
+    pub fn new(rig: Rig, reference: usize) -> Self {
+        let frames = |of| {
+            rig.views
+                .iter()
+                .map(|view| format!("{}_{of}", view.name))
+                .collect()
+        };
+        Self {
+            optical_frames: frames("optical"),
+            pixel_frames: frames("pixels"),
+            reference: reference.min(rig.views.len().saturating_sub(1)),
+            rig,
+        }
+    }
+
+    /// The rig.
+    pub fn rig(&self) -> &Rig {
+        &self.rig
+    }
+
+    /// Index of the view that disparities and points belong to.
+    pub fn reference(&self) -> usize {
+        self.reference
+    }
+
+    /// All channels of a recording, in the order a scan's messages stand in it: what viewers show comes first, so
+    /// that they find it together.
+    pub fn channels(&self, with_views: bool) -> Vec<Channel> {
+        let channel = |name: String, content, schema| Channel {
+            name,
+            content,
+            schema,
+        };
+        let camera = |view: usize, what| format!("camera/{}/{what}", self.rig.views[view].name);
+        let views = 0..self.rig.views.len();
+
+        let mut all = vec![channel(
+            "tf".to_owned(),
+            Content::Transforms,
+            Schema::transforms(),
+        )];
+        all.extend(views.clone().map(|view| {
+            channel(
+                camera(view, "calibration"),
+                Content::Calibration(view),
+                Schema::calibration(),
+            )
+        }));
+        if with_views {
+            all.extend(views.map(|view| {
+                let name = camera(view, "annotations");
+                channel(name, Content::Annotations(view), Schema::annotations())
+            }));
+            all.push(channel(
+                "disparity/picture".to_owned(),
+                Content::Picture,
+                Schema::image(),
+            ));
+        }
+        all.push(channel(
+            "statistics".to_owned(),
+            Content::Statistics,
+            Schema::statistics(),
+        ));
+        all.push(channel(
+            "ledger".to_owned(),
+            Content::Ledger,
+            Schema::ledger(),
+        ));
+        all.push(channel("log".to_owned(), Content::Log, Schema::log()));
+        all.extend(Topic::all(&self.rig).into_iter().map(|topic| {
+            channel(
+                topic.name.clone(),
+                Content::Data(topic.clone()),
+                Schema::of(topic.kind),
+            )
+        }));
+        all
+    }
+}

@@ -1,0 +1,511 @@
+//! The data messages: into protobuf and back without loss.
+
+use bytemuck::Pod;
+use thiserror::Error;
+
+use super::Codec;
+use super::row::{Column, Row};
+use super::schema::{CLOUD_HEIGHT, CLOUD_WIDTH};
+use super::wire::{Fields, Fill, Value, varint_len};
+use crate::header::{Header, NONE, Size};
+use crate::payload::{
+    AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edges, EdgesRoom, Image,
+    ImageRoom, List, Matches, MatchesRoom, MatchesView, Message, Owned, Points, PointsRoom, Tables,
+    TablesRoom, TablesView,
+};
+use crate::topic::{Kind, Topic};
+
+#[cfg(target_endian = "big")]
+compile_error!("recordings hold memory as it is, which must be little endian");
+
+/// Why a recorded message is not what it should be.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum DecodeError {
+    /// It is not protobuf, or its fields have other types.
+    #[error("the message is damaged: it is not the protobuf its schema describes")]
+    Malformed,
+    /// It is laid out in another way than ours.
+    #[error("the message's {0} is not as tricurve writes it")]
+    Layout(&'static str),
+    /// Its image is larger than the largest of the recording.
+    #[error("the message is of a {0} image, larger than the recording's largest, {1}")]
+    Size(Size, Size),
+    /// It has more elements than an image of this size can give.
+    #[error("the message has more elements than an image of its size can give")]
+    TooMany,
+    /// Its indices point outside it.
+    #[error("the message is damaged: its indices point outside of it")]
+    Unsound,
+}
+
+/// What an encoded message says besides its payload.
+struct Head<'a> {
+    nanos: u64,
+    size: Size,
+    frame: &'a str,
+}
+
+impl Codec {
+    /// Appends a data message to `out`, as its topic's schema describes it.
+    ///
+    /// Scan number and time are not part of it: they are the recording's `sequence` and `log_time`.
+    pub fn encode(&self, topic: &Topic, header: &Header, view: AnyView<'_>, out: &mut Vec<u8>) {
+        let frame = match (topic.kind, self.rig.views.get(topic.view as usize)) {
+            (Kind::Edges, _) => &self.pixel_frames[topic.view as usize],
+            (_, Some(_)) => &self.optical_frames[topic.view as usize],
+            (_, None) => &self.optical_frames[self.reference],
+        };
+        let head = Head {
+            nanos: header.capture_nanos,
+            size: header.size(),
+            frame,
+        };
+        match view {
+            AnyView::Image(image) => raw_image(&head, "mono8", image.pixels, out),
+            AnyView::Edges(edges) => cloud(&head, edges.edges, out),
+            AnyView::Curves(curves) => curves_message(&head, curves, out),
+            AnyView::Tables(tables) => tables_message(&head, tables, out),
+            AnyView::Matches(matches) => matches_message(&head, matches, out),
+            AnyView::Disparity(picture) => raw_image(&head, "32FC1", picture.disparity, out),
+            AnyView::Points(points) => cloud(&head, points.points, out),
+        }
+    }
+
+    /// Reads a message back, with its header: `sequence` and `nanos` are the recording's `sequence` and `log_time`,
+    /// view, channel and position are the topic's.
+    ///
+    /// # Errors
+    /// When the bytes are not what [`encode`](Self::encode) makes of a message of this topic and rig.
+    pub fn decode<M: Recorded>(
+        &self,
+        topic: &Topic,
+        sequence: u64,
+        nanos: u64,
+        bytes: &[u8],
+    ) -> Result<Owned<M>, DecodeError> {
+        let mut message = Owned::new(self.rig.size);
+        self.decode_into(topic, sequence, nanos, bytes, &mut message)?;
+        Ok(message)
+    }
+
+    /// [`decode`](Self::decode) into a message made before with [`Owned::new`] of the rig's size.
+    ///
+    /// # Errors
+    /// As [`decode`](Self::decode); the message is then worthless.
+    pub fn decode_into<M: Recorded>(
+        &self,
+        topic: &Topic,
+        sequence: u64,
+        nanos: u64,
+        bytes: &[u8],
+        message: &mut Owned<M>,
+    ) -> Result<(), DecodeError> {
+        if topic.kind != M::KIND {
+            return Err(DecodeError::Layout("kind"));
+        }
+        let size = message.fill(|room| M::read(bytes, self.rig.size, room))?;
+        if !M::is_sound(message.view()) {
+            return Err(DecodeError::Unsound);
+        }
+        let position_m = match topic.view {
+            NONE => 0.0,
+            view => self.rig.position_m(view as usize, size),
+        };
+        message.header = Header {
+            position_m,
+            view: topic.view,
+            channel: topic.channel,
+            lens: message.header.lens,
+            ..Header::new(sequence, nanos, size)
+        };
+        Ok(())
+    }
+}
+
+/// A kind of message that can be read back from a recording.
+pub trait Recorded: Message {
+    /// Reads a payload into the room, and gives the image size it belongs to, which is at most `most`.
+    ///
+    /// # Errors
+    /// When the bytes are not what was written.
+    fn read(bytes: &[u8], most: Size, room: &mut Self::Room<'_>) -> Result<Size, DecodeError>;
+
+    /// Whether its indices stay inside it.
+    fn is_sound(view: Self::View<'_>) -> bool;
+}
+
+// ---- images ----
+
+fn raw_image<T: Pod>(head: &Head<'_>, encoding: &str, pixels: &[T], out: &mut Vec<u8>) {
+    let step = head.size.width * size_of::<T>() as u32;
+    raw_image_head(head.nanos, head.frame, head.size, encoding, step, out);
+    Fill(out).bytes(6, bytemuck::cast_slice(pixels));
+}
+
+/// A `foxglove.RawImage` up to its data, which is field 6.
+pub(super) fn raw_image_head(
+    nanos: u64,
+    frame: &str,
+    size: Size,
+    encoding: &str,
+    step: u32,
+    out: &mut Vec<u8>,
+) {
+    let mut fill = Fill(out);
+    fill.timestamp(1, nanos);
+    fill.fixed32(2, size.width);
+    fill.fixed32(3, size.height);
+    fill.text(4, encoding);
+    fill.fixed32(5, step);
+    fill.text(7, frame);
+}
+
+fn read_raw_image<T: Pod>(
+    bytes: &[u8],
+    most: Size,
+    encoding: &str,
+    pixels: &mut List<'_, T>,
+) -> Result<Size, DecodeError> {
+    let mut size = Size::default();
+    let (mut step, mut said, mut data) = (0, &[][..], &[][..]);
+    for field in Fields::new(bytes) {
+        match field? {
+            (2, value) => size.width = value.fixed32()?,
+            (3, value) => size.height = value.fixed32()?,
+            (4, value) => said = value.bytes()?,
+            (5, value) => step = value.fixed32()?,
+            (6, value) => data = value.bytes()?,
+            _ => {}
+        }
+    }
+    check_size(size, most)?;
+    if said != encoding.as_bytes() {
+        return Err(DecodeError::Layout("pixel encoding"));
+    }
+    if step as usize != size.width as usize * size_of::<T>() {
+        return Err(DecodeError::Layout("row step"));
+    }
+    if data.len() != size.pixels() * size_of::<T>() {
+        return Err(DecodeError::Layout("number of pixels"));
+    }
+    pixels.clear();
+    append(data, pixels)?;
+    Ok(size)
+}
+
+impl Recorded for Image {
+    fn read(bytes: &[u8], most: Size, room: &mut ImageRoom<'_>) -> Result<Size, DecodeError> {
+        read_raw_image(bytes, most, "mono8", &mut room.pixels)
+    }
+
+    fn is_sound(_: Self::View<'_>) -> bool {
+        true
+    }
+}
+
+impl Recorded for Disparity {
+    fn read(bytes: &[u8], most: Size, room: &mut DisparityRoom<'_>) -> Result<Size, DecodeError> {
+        read_raw_image(bytes, most, "32FC1", &mut room.disparity)
+    }
+
+    fn is_sound(_: Self::View<'_>) -> bool {
+        true
+    }
+}
+
+// ---- point clouds ----
+
+fn cloud<T: Row>(head: &Head<'_>, rows: &[T], out: &mut Vec<u8>) {
+    let mut fill = Fill(out);
+    fill.timestamp(1, head.nanos);
+    fill.text(2, head.frame);
+    // Some viewers take a missing pose amiss.
+    fill.message(3, |pose| {
+        pose.message(1, |_| {});
+        pose.message(2, |orientation| orientation.double(4, 1.0));
+    });
+    fill.fixed32(4, size_of::<T>() as u32);
+    columns::<T>(5, &mut fill);
+    fill.fixed32(CLOUD_WIDTH, head.size.width);
+    fill.fixed32(CLOUD_HEIGHT, head.size.height);
+    fill.bytes(6, bytemuck::cast_slice(rows));
+}
+
+fn read_cloud<T: Row>(
+    bytes: &[u8],
+    most: Size,
+    rows: &mut List<'_, T>,
+) -> Result<Size, DecodeError> {
+    let mut size = Size::default();
+    let mut packed = Packed::default();
+    for field in Fields::new(bytes) {
+        match field? {
+            (4, value) => packed.stride = value.fixed32()?,
+            (5, value) => packed.column::<T>(value.bytes()?)?,
+            (6, value) => packed.data = value.bytes()?,
+            (CLOUD_WIDTH, value) => size.width = value.fixed32()?,
+            (CLOUD_HEIGHT, value) => size.height = value.fixed32()?,
+            _ => {}
+        }
+    }
+    check_size(size, most)?;
+    rows.clear();
+    packed.append(rows)?;
+    Ok(size)
+}
+
+impl Recorded for Edges {
+    fn read(bytes: &[u8], most: Size, room: &mut EdgesRoom<'_>) -> Result<Size, DecodeError> {
+        read_cloud(bytes, most, &mut room.edges)
+    }
+
+    fn is_sound(_: Self::View<'_>) -> bool {
+        true
+    }
+}
+
+impl Recorded for Points {
+    fn read(bytes: &[u8], most: Size, room: &mut PointsRoom<'_>) -> Result<Size, DecodeError> {
+        read_cloud(bytes, most, &mut room.points)
+    }
+
+    fn is_sound(_: Self::View<'_>) -> bool {
+        true
+    }
+}
+
+// ---- our own messages ----
+
+fn own_head(head: &Head<'_>, out: &mut Vec<u8>) {
+    let mut fill = Fill(out);
+    fill.timestamp(1, head.nanos);
+    fill.text(2, head.frame);
+    fill.fixed32(3, head.size.width);
+    fill.fixed32(4, head.size.height);
+}
+
+fn curves_message(head: &Head<'_>, view: CurvesView<'_>, out: &mut Vec<u8>) {
+    own_head(head, out);
+    messages(5, view.curves, out);
+    packed(6, view.points, out);
+}
+
+fn tables_message(head: &Head<'_>, view: TablesView<'_>, out: &mut Vec<u8>) {
+    own_head(head, out);
+    messages(5, view.tables, out);
+    packed(6, view.entries, out);
+    let mut fill = Fill(out);
+    fill.bytes(7, bytemuck::cast_slice(view.rows));
+    fill.bytes(8, bytemuck::cast_slice(view.order));
+}
+
+fn matches_message(head: &Head<'_>, view: MatchesView<'_>, out: &mut Vec<u8>) {
+    own_head(head, out);
+    messages(5, view.matches, out);
+    packed(6, view.points, out);
+}
+
+impl Recorded for Curves {
+    fn read(bytes: &[u8], most: Size, room: &mut CurvesRoom<'_>) -> Result<Size, DecodeError> {
+        room.clear();
+        read_own(bytes, most, |number, value| match number {
+            5 => read_message(value.bytes()?, &mut room.curves),
+            6 => read_packed(value.bytes()?, &mut room.points),
+            _ => Ok(()),
+        })
+    }
+
+    fn is_sound(view: Self::View<'_>) -> bool {
+        view.is_sound()
+    }
+}
+
+impl Recorded for Tables {
+    fn read(bytes: &[u8], most: Size, room: &mut TablesRoom<'_>) -> Result<Size, DecodeError> {
+        room.clear();
+        read_own(bytes, most, |number, value| match number {
+            5 => read_message(value.bytes()?, &mut room.tables),
+            6 => read_packed(value.bytes()?, &mut room.entries),
+            7 => append(value.bytes()?, &mut room.rows),
+            8 => append(value.bytes()?, &mut room.order),
+            _ => Ok(()),
+        })
+    }
+
+    fn is_sound(view: Self::View<'_>) -> bool {
+        // The curve points themselves are another message's; no index can exceed all there can be.
+        view.is_sound(usize::MAX)
+    }
+}
+
+impl Recorded for Matches {
+    fn read(bytes: &[u8], most: Size, room: &mut MatchesRoom<'_>) -> Result<Size, DecodeError> {
+        room.clear();
+        read_own(bytes, most, |number, value| match number {
+            5 => read_message(value.bytes()?, &mut room.matches),
+            6 => read_packed(value.bytes()?, &mut room.points),
+            _ => Ok(()),
+        })
+    }
+
+    fn is_sound(view: Self::View<'_>) -> bool {
+        view.is_sound()
+    }
+}
+
+fn read_own(
+    bytes: &[u8],
+    most: Size,
+    mut section: impl FnMut(u32, Value<'_>) -> Result<(), DecodeError>,
+) -> Result<Size, DecodeError> {
+    let mut size = Size::default();
+    for field in Fields::new(bytes) {
+        match field? {
+            (3, value) => size.width = value.fixed32()?,
+            (4, value) => size.height = value.fixed32()?,
+            (number, value) => section(number, value)?,
+        }
+    }
+    check_size(size, most)?;
+    Ok(size)
+}
+
+fn check_size(size: Size, most: Size) -> Result<(), DecodeError> {
+    if size.width > most.width || size.height > most.height {
+        return Err(DecodeError::Size(size, most));
+    }
+    Ok(())
+}
+
+// ---- rows as messages: word n is field n + 1 ----
+
+fn messages<T: Row>(field: u32, rows: &[T], out: &mut Vec<u8>) {
+    const WORD: usize = 1 + size_of::<u32>();
+    // All are of one length: the frame is made once, and filled in for every row.
+    let mut frame = Vec::new();
+    let words = size_of::<T>() / size_of::<u32>();
+    Fill(&mut frame).open(field, words * WORD);
+    let start = frame.len();
+    for number in 1..=words as u32 {
+        Fill(&mut frame).fixed32(number, 0);
+    }
+    out.reserve(rows.len() * frame.len());
+    for row in rows {
+        let words: &[[u8; 4]] = bytemuck::cast_slice(std::slice::from_ref(row));
+        for (slot, word) in frame[start..].chunks_exact_mut(WORD).zip(words) {
+            slot[1..].copy_from_slice(word);
+        }
+        out.extend_from_slice(&frame);
+    }
+}
+
+fn read_message<T: Row>(bytes: &[u8], rows: &mut List<'_, T>) -> Result<(), DecodeError> {
+    let mut row = T::zeroed();
+    let words: &mut [[u8; 4]] = bytemuck::cast_slice_mut(std::slice::from_mut(&mut row));
+    for field in Fields::new(bytes) {
+        let (number, value) = field?;
+        if let Some(word) = words.get_mut(number as usize - 1) {
+            *word = value.fixed32()?.to_le_bytes();
+        }
+    }
+    rows.push(row);
+    if rows.refused() > 0 {
+        Err(DecodeError::TooMany)
+    } else {
+        Ok(())
+    }
+}
+
+// ---- rows as packed memory ----
+
+fn packed<T: Row>(field: u32, rows: &[T], out: &mut Vec<u8>) {
+    let data: &[u8] = bytemuck::cast_slice(rows);
+    let described: usize = T::COLUMNS.iter().map(|column| 2 + column_len(column)).sum();
+    let mut fill = Fill(out);
+    fill.open(
+        field,
+        described + 5 + 1 + varint_len(data.len() as u64) + data.len(),
+    );
+    columns::<T>(1, &mut fill);
+    fill.fixed32(2, size_of::<T>() as u32);
+    fill.bytes(3, data);
+}
+
+/// A `foxglove.PackedElementField` for every column.
+fn columns<T: Row>(field: u32, fill: &mut Fill<'_>) {
+    for column in T::COLUMNS {
+        fill.open(field, column_len(column));
+        fill.text(1, column.name);
+        fill.fixed32(2, column.offset as u32);
+        fill.varint(3, column.number as u64);
+    }
+}
+
+fn column_len(column: &Column) -> usize {
+    (2 + column.name.len()) + 5 + 2
+}
+
+fn read_packed<T: Row>(bytes: &[u8], rows: &mut List<'_, T>) -> Result<(), DecodeError> {
+    let mut packed = Packed::default();
+    for field in Fields::new(bytes) {
+        match field? {
+            (1, value) => packed.column::<T>(value.bytes()?)?,
+            (2, value) => packed.stride = value.fixed32()?,
+            (3, value) => packed.data = value.bytes()?,
+            _ => {}
+        }
+    }
+    packed.append(rows)
+}
+
+/// Packed memory and its description, as far as read.
+#[derive(Default)]
+struct Packed<'a> {
+    columns: usize,
+    stride: u32,
+    data: &'a [u8],
+}
+
+impl Packed<'_> {
+    /// Checks the description of the next column.
+    fn column<T: Row>(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
+        let (mut name, mut offset, mut number) = (&[][..], 0, 0);
+        for field in Fields::new(bytes) {
+            match field? {
+                (1, value) => name = value.bytes()?,
+                (2, value) => offset = value.fixed32()?,
+                (3, Value::Varint(value)) => number = value,
+                _ => {}
+            }
+        }
+        let is_ours = T::COLUMNS.get(self.columns).is_some_and(|c| {
+            c.name.as_bytes() == name && c.offset == offset as usize && c.number as u64 == number
+        });
+        self.columns += 1;
+        if is_ours {
+            Ok(())
+        } else {
+            Err(DecodeError::Layout("columns"))
+        }
+    }
+
+    fn append<T: Row>(&self, rows: &mut List<'_, T>) -> Result<(), DecodeError> {
+        if self.columns != T::COLUMNS.len() || self.stride as usize != size_of::<T>() {
+            return Err(DecodeError::Layout("columns"));
+        }
+        append(self.data, rows)
+    }
+}
+
+/// Appends elements that stand in memory as they are.
+fn append<T: Pod>(bytes: &[u8], list: &mut List<'_, T>) -> Result<(), DecodeError> {
+    if !bytes.len().is_multiple_of(size_of::<T>()) {
+        return Err(DecodeError::Layout("length"));
+    }
+    let slots: &mut [u8] = bytemuck::cast_slice_mut(list.grow(bytes.len() / size_of::<T>()));
+    if slots.len() != bytes.len() {
+        return Err(DecodeError::TooMany);
+    }
+    slots.copy_from_slice(bytes);
+    Ok(())
+}

@@ -1,0 +1,369 @@
+//! What the recording says about its messages: protobuf descriptors and JSON schemas, embedded in every file.
+
+use foxglove::Encode;
+use foxglove::messages::{
+    CameraCalibration, FrameTransforms, ImageAnnotations, Log, PointCloud, RawImage,
+};
+use prost::Message as _;
+use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
+use serde_json::json;
+
+use super::row::{Number, Row};
+use crate::payload::{Curve, Match, Table};
+use crate::topic::Kind;
+
+/// What a file says about a kind of message.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Schema {
+    /// Its name, as `foxglove.RawImage`.
+    pub name: String,
+    /// `protobuf` or `jsonschema`.
+    pub encoding: &'static str,
+    /// A serialized `FileDescriptorSet`, or a JSON schema.
+    pub data: Vec<u8>,
+}
+
+impl Schema {
+    /// How messages of this schema are encoded: `protobuf` or `json`.
+    pub fn message_encoding(&self) -> &'static str {
+        if self.encoding == "protobuf" {
+            "protobuf"
+        } else {
+            "json"
+        }
+    }
+
+    /// The schema of a kind of data.
+    pub fn of(kind: Kind) -> Self {
+        match kind {
+            Kind::Image | Kind::Disparity => Self::image(),
+            Kind::Edges | Kind::Points => Self::cloud(),
+            Kind::Curves => Self::own("Curves"),
+            Kind::Tables => Self::own("Tables"),
+            Kind::Matches => Self::own("Matches"),
+        }
+    }
+
+    /// `foxglove.RawImage`.
+    pub fn image() -> Self {
+        Self::foxglove::<RawImage>()
+    }
+
+    /// `foxglove.CameraCalibration`.
+    pub fn calibration() -> Self {
+        Self::foxglove::<CameraCalibration>()
+    }
+
+    /// `foxglove.FrameTransforms`.
+    pub fn transforms() -> Self {
+        Self::foxglove::<FrameTransforms>()
+    }
+
+    /// `foxglove.ImageAnnotations`.
+    pub fn annotations() -> Self {
+        Self::foxglove::<ImageAnnotations>()
+    }
+
+    /// `foxglove.Log`.
+    pub fn log() -> Self {
+        Self::foxglove::<Log>()
+    }
+
+    /// The JSON schema of [`Statistics`](super::Statistics).
+    pub fn statistics() -> Self {
+        let number = || json!({ "type": "number" });
+        let count = || json!({ "type": "integer" });
+        let counts = [
+            "edges",
+            "curves",
+            "curve_points",
+            "matches",
+            "match_points",
+            "points",
+            "bytes",
+        ];
+        let mut properties = serde_json::Map::new();
+        properties.insert("scan".to_owned(), count());
+        properties.extend(counts.map(|name| (name.to_owned(), count())));
+        properties.insert("known".to_owned(), number());
+        properties.insert("disparity".to_owned(), number());
+        let stages = crate::Stage::ALL.map(|stage| (stage.name().to_owned(), number()));
+        properties.insert(
+            "milliseconds".to_owned(),
+            json!({ "type": "object", "properties": serde_json::Map::from_iter(stages) }),
+        );
+        Self::json("tricurve.Statistics", &properties.into())
+    }
+
+    /// The JSON schema of [`Ledger`](crate::ledger::Ledger).
+    pub fn ledger() -> Self {
+        let count = json!({ "type": "integer" });
+        let by_cause = json!({ "type": "object", "additionalProperties": count });
+        let account = json!({ "type": "object", "properties": {
+            "received": count,
+            "published": count,
+            "duplicates": count,
+            "dropped": by_cause,
+            "missing": { "type": "array", "items": count },
+        } });
+        let topics = json!({ "type": "object", "additionalProperties": account });
+        let properties = json!({
+            "admitted": count,
+            "done": count,
+            "refused": by_cause,
+            "nodes": { "type": "object", "additionalProperties": topics },
+        });
+        Self::json("tricurve.Ledger", &properties)
+    }
+
+    fn json(name: &str, properties: &serde_json::Value) -> Self {
+        let schema = json!({ "title": name, "type": "object", "properties": properties });
+        Self {
+            name: name.to_owned(),
+            encoding: "jsonschema",
+            data: schema.to_string().into_bytes(),
+        }
+    }
+
+    fn protobuf(name: String, file: Vec<FileDescriptorProto>) -> Self {
+        Self {
+            name,
+            encoding: "protobuf",
+            data: FileDescriptorSet { file }.encode_to_vec(),
+        }
+    }
+
+    #[expect(clippy::expect_used, reason = "compiled in, and tested")]
+    fn foxglove<M: Encode>() -> Self {
+        let schema = M::get_schema().expect("foxglove's messages have schemas");
+        Self {
+            name: schema.name,
+            encoding: "protobuf",
+            data: schema.data.into_owned(),
+        }
+    }
+
+    #[expect(clippy::expect_used, reason = "compiled in, and tested")]
+    fn foxglove_files<M: Encode>() -> Vec<FileDescriptorProto> {
+        let data = Self::foxglove::<M>().data;
+        FileDescriptorSet::decode(&*data)
+            .expect("foxglove's descriptors are protobuf")
+            .file
+    }
+
+    /// `foxglove.PointCloud`, which knows nothing of the image its points were found in: two more fields, that
+    /// viewers pass over, say how large it was.
+    fn cloud() -> Self {
+        let mut files = Self::foxglove_files::<PointCloud>();
+        let messages = files.iter_mut().flat_map(|file| &mut file.message_type);
+        for cloud in messages.filter(|message| message.name() == "PointCloud") {
+            cloud
+                .field
+                .push(field("image_width", CLOUD_WIDTH as i32, Type::Fixed32));
+            cloud
+                .field
+                .push(field("image_height", CLOUD_HEIGHT as i32, Type::Fixed32));
+        }
+        Self::protobuf("foxglove.PointCloud".to_owned(), files)
+    }
+
+    /// One of our own messages.
+    fn own(name: &str) -> Self {
+        const SHARED: [&str; 2] = [
+            "google/protobuf/timestamp.proto",
+            "foxglove/PackedElementField.proto",
+        ];
+        let foxglove = Self::foxglove_files::<PointCloud>();
+        let shared = |wanted: &&str| foxglove.iter().find(|file| file.name() == *wanted).cloned();
+        let mut files: Vec<_> = SHARED.iter().filter_map(shared).collect();
+
+        let head = || {
+            vec![
+                of_type(
+                    field("timestamp", 1, Type::Message),
+                    ".google.protobuf.Timestamp",
+                ),
+                field("frame_id", 2, Type::String),
+                field("image_width", 3, Type::Fixed32),
+                field("image_height", 4, Type::Fixed32),
+            ]
+        };
+        let packed = |name, number| of_type(field(name, number, Type::Message), ".tricurve.Packed");
+        let many = |name, number, of: &str| {
+            repeated(of_type(
+                field(name, number, Type::Message),
+                &format!(".tricurve.{of}"),
+            ))
+        };
+        let with_head = |name, sections: &[FieldDescriptorProto]| {
+            message(name, [head(), sections.to_vec()].concat())
+        };
+        files.push(FileDescriptorProto {
+            name: Some("tricurve.proto".to_owned()),
+            package: Some("tricurve".to_owned()),
+            dependency: SHARED.map(str::to_owned).to_vec(),
+            syntax: Some("proto3".to_owned()),
+            message_type: vec![
+                message(
+                    "Packed",
+                    vec![
+                        repeated(of_type(
+                            field("fields", 1, Type::Message),
+                            ".foxglove.PackedElementField",
+                        )),
+                        field("stride", 2, Type::Fixed32),
+                        field("data", 3, Type::Bytes),
+                    ],
+                ),
+                row::<Curve>(),
+                with_head(
+                    "Curves",
+                    &[many("curves", 5, Curve::NAME), packed("points", 6)],
+                ),
+                row::<Table>(),
+                with_head(
+                    "Tables",
+                    &[
+                        many("tables", 5, Table::NAME),
+                        packed("entries", 6),
+                        repeated(field("rows", 7, Type::Fixed32)),
+                        repeated(field("order", 8, Type::Fixed32)),
+                    ],
+                ),
+                row::<Match>(),
+                with_head(
+                    "Matches",
+                    &[many("matches", 5, Match::NAME), packed("points", 6)],
+                ),
+            ],
+            ..FileDescriptorProto::default()
+        });
+        Self::protobuf(format!("tricurve.{name}"), files)
+    }
+}
+
+/// Fields of `foxglove.PointCloud` that are ours, far from any that may still come.
+pub(super) const CLOUD_WIDTH: u32 = 1000;
+pub(super) const CLOUD_HEIGHT: u32 = 1001;
+
+fn field(name: &str, number: i32, kind: Type) -> FieldDescriptorProto {
+    FieldDescriptorProto {
+        name: Some(name.to_owned()),
+        number: Some(number),
+        label: Some(Label::Optional.into()),
+        r#type: Some(kind.into()),
+        ..FieldDescriptorProto::default()
+    }
+}
+
+fn of_type(field: FieldDescriptorProto, name: &str) -> FieldDescriptorProto {
+    FieldDescriptorProto {
+        type_name: Some(name.to_owned()),
+        ..field
+    }
+}
+
+fn repeated(field: FieldDescriptorProto) -> FieldDescriptorProto {
+    FieldDescriptorProto {
+        label: Some(Label::Repeated.into()),
+        ..field
+    }
+}
+
+fn message(name: &str, field: Vec<FieldDescriptorProto>) -> DescriptorProto {
+    DescriptorProto {
+        name: Some(name.to_owned()),
+        field,
+        ..DescriptorProto::default()
+    }
+}
+
+/// The message a plain type is, word by word.
+fn row<T: Row>() -> DescriptorProto {
+    let kind = |number| match number {
+        Number::Float32 => Type::Float,
+        Number::Uint32 | Number::Uint8 => Type::Fixed32,
+    };
+    let columns = T::COLUMNS.iter().zip(1..);
+    message(
+        T::NAME,
+        columns
+            .map(|(c, number)| field(c.name, number, kind(c.number)))
+            .collect(),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
+    use super::*;
+    use std::collections::BTreeSet;
+
+    fn all() -> Vec<Schema> {
+        let others = [
+            Schema::calibration(),
+            Schema::transforms(),
+            Schema::annotations(),
+            Schema::log(),
+        ];
+        Kind::ALL
+            .map(Schema::of)
+            .into_iter()
+            .chain(others)
+            .collect()
+    }
+
+    #[test]
+    fn every_descriptor_holds_its_message_and_all_it_depends_on() {
+        for schema in all() {
+            let set = FileDescriptorSet::decode(&*schema.data).unwrap();
+            let files: BTreeSet<_> = set.file.iter().map(|f| f.name().to_owned()).collect();
+            assert_eq!(files.len(), set.file.len(), "{}", schema.name);
+            let mut types = BTreeSet::new();
+            let mut used = BTreeSet::new();
+            for file in &set.file {
+                assert!(
+                    file.dependency.iter().all(|d| files.contains(d)),
+                    "{}",
+                    schema.name
+                );
+                let enums = file.message_type.iter().flat_map(|m| {
+                    m.enum_type
+                        .iter()
+                        .map(move |e| format!("{}.{}", m.name(), e.name()))
+                });
+                let names = file.message_type.iter().map(|m| m.name().to_owned());
+                let outer = file.enum_type.iter().map(|e| e.name().to_owned());
+                types.extend(
+                    names
+                        .chain(enums)
+                        .chain(outer)
+                        .map(|n| format!(".{}.{n}", file.package())),
+                );
+                let fields = file.message_type.iter().flat_map(|m| &m.field);
+                used.extend(fields.filter_map(|f| f.type_name.clone()));
+            }
+            assert!(
+                types.contains(&format!(".{}", schema.name)),
+                "{} in {types:?}",
+                schema.name
+            );
+            assert!(
+                used.is_subset(&types),
+                "{}: {used:?} in {types:?}",
+                schema.name
+            );
+        }
+    }
+
+    #[test]
+    fn json_schemas_are_objects_with_properties() {
+        for schema in [Schema::statistics(), Schema::ledger()] {
+            let value: serde_json::Value = serde_json::from_slice(&schema.data).unwrap();
+            assert_eq!(value["type"], "object");
+            assert!(value["properties"].is_object());
+            assert_eq!(schema.message_encoding(), "json");
+        }
+    }
+}

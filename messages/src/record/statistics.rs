@@ -1,0 +1,88 @@
+//! A scan in numbers, to plot.
+
+use serde::{Deserialize, Serialize};
+
+use crate::header::Header;
+use crate::payload::AnyView;
+
+/// Milliseconds a scan took in each stage, all views and channels together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub struct Milliseconds {
+    /// To fetch its frames.
+    pub capture: f64,
+    /// To find its zero-crossings.
+    pub filter: f64,
+    /// To track its curves.
+    pub track: f64,
+    /// To make its R-tables.
+    pub hough: f64,
+    /// To match its curves.
+    pub r#match: f64,
+}
+
+/// What there is to plot of a scan.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Statistics {
+    /// Its number.
+    pub scan: u64,
+    /// Zero-crossings in all views and channels.
+    pub edges: u64,
+    /// Curves in all views and channels.
+    pub curves: u64,
+    /// Points of those curves.
+    pub curve_points: u64,
+    /// Matched curves in all channels.
+    pub matches: u64,
+    /// Points of those matches.
+    pub match_points: u64,
+    /// Points in space.
+    pub points: u64,
+    /// Share of the reference view's pixels whose disparity is known.
+    pub known: f64,
+    /// Mean disparity of the points in space, in pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disparity: Option<f64>,
+    /// Bytes of its messages.
+    pub bytes: u64,
+    /// What it took.
+    pub milliseconds: Milliseconds,
+}
+
+impl Statistics {
+    /// Adds a message to the scan's numbers.
+    pub fn add(&mut self, header: &Header, view: AnyView<'_>) {
+        let milliseconds = header.elapsed_nanos as f64 / 1e6;
+        let spent = &mut self.milliseconds;
+        match view {
+            AnyView::Image(_) => spent.capture += milliseconds,
+            AnyView::Edges(edges) => {
+                spent.filter += milliseconds;
+                self.edges += edges.edges.len() as u64;
+            }
+            AnyView::Curves(curves) => {
+                spent.track += milliseconds;
+                self.curves += curves.curves.len() as u64;
+                self.curve_points += curves.points.len() as u64;
+            }
+            AnyView::Tables(_) => spent.hough += milliseconds,
+            AnyView::Matches(matches) => {
+                spent.r#match += milliseconds;
+                self.matches += matches.matches.len() as u64;
+                self.match_points += matches.points.len() as u64;
+            }
+            AnyView::Disparity(picture) => {
+                spent.r#match += milliseconds;
+                let known = picture.disparity.iter().filter(|d| d.is_finite()).count();
+                self.known = known as f64 / picture.disparity.len().max(1) as f64;
+            }
+            AnyView::Points(points) => {
+                spent.r#match += milliseconds;
+                let count = points.points.len();
+                let sum: f64 = points.points.iter().map(|p| f64::from(p.disparity)).sum();
+                self.points = count as u64;
+                self.disparity = (count > 0).then(|| sum / count as f64);
+            }
+        }
+    }
+}

@@ -1,0 +1,451 @@
+//! Views for people, derived from the data: curves over each image, the disparity picture in colours.
+
+use super::Codec;
+use super::codec::raw_image_head;
+use super::wire::Fill;
+use crate::header::Header;
+use crate::payload::{CurvesView, DisparityView, Edge, MatchesView};
+
+/// Colours of disparities: dark violet is far, light yellow near, in even steps to the eye.
+#[derive(Clone, Debug)]
+pub struct Colours {
+    steps: [[u8; 3]; 256],
+}
+
+impl Default for Colours {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Colours {
+    /// What no disparity has in a picture.
+    pub const UNKNOWN: [u8; 3] = [0, 0, 0];
+
+    /// Even steps of lightness and hue in Oklab (B. Ottosson, "A perceptual color space for image processing", 2020).
+    pub fn new() -> Self {
+        let step = |i: usize| {
+            let t = i as f64 / 255.0;
+            let hue = (300.0 - 200.0 * t).to_radians();
+            let lightness = 0.42 + 0.5 * t;
+            // The strongest chroma that the display still shows.
+            let shades = (0..=32).rev().map(|c| 0.18 * f64::from(c) / 32.0);
+            shades
+                .map(|chroma| srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin()))
+                .find(|rgb| rgb.iter().all(|c| (0.0..=1.0).contains(c)))
+                .map_or([0; 3], |rgb| rgb.map(|c| (c * 255.0).round() as u8))
+        };
+        Self {
+            steps: std::array::from_fn(step),
+        }
+    }
+
+    /// The colour of a share of the range, 0 far to 1 near.
+    pub fn of(&self, share: f32) -> [u8; 3] {
+        self.steps[(share * 255.0) as usize & 255]
+    }
+}
+
+fn srgb_from_oklab(l: f64, a: f64, b: f64) -> [f64; 3] {
+    let lms = [
+        l + 0.396_337_777_4 * a + 0.215_803_757_3 * b,
+        l - 0.105_561_345_8 * a - 0.063_854_172_8 * b,
+        l - 0.089_484_177_5 * a - 1.291_485_548_0 * b,
+    ]
+    .map(|c| c.powi(3));
+    [
+        [4.076_741_662_1, -3.307_711_591_3, 0.230_969_929_2],
+        [-1.268_438_004_6, 2.609_757_401_1, -0.341_319_396_5],
+        [-0.004_196_086_3, -0.703_418_614_7, 1.707_614_701_0],
+    ]
+    .map(|row| {
+        let linear: f64 = row.iter().zip(lms).map(|(m, c)| m * c).sum();
+        if linear <= 0.003_130_8 {
+            12.92 * linear
+        } else {
+            1.055 * linear.powf(1.0 / 2.4) - 0.055
+        }
+    })
+}
+
+/// The disparities that take the whole range of colours: all but the outermost hundredth at either end, so that a
+/// stray one does not decide every colour. `None` when there are none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    least: f32,
+    most: f32,
+}
+
+impl Span {
+    /// The span of a picture's known values.
+    pub fn of(disparities: &[f32]) -> Option<Self> {
+        let known = || disparities.iter().copied().filter(|d| d.is_finite());
+        let (least, most) = known().fold((f32::INFINITY, f32::NEG_INFINITY), |(least, most), d| {
+            (least.min(d), most.max(d))
+        });
+        if least > most {
+            return None;
+        }
+        let full = Self { least, most };
+        let mut counts = [0u32; 256];
+        known().for_each(|d| counts[(full.share(d) * 255.0) as usize & 255] += 1);
+        let outermost = counts.iter().sum::<u32>() / 100;
+        let mut steps = counts.iter().enumerate();
+        let low = beyond(&mut steps, outermost);
+        let mut steps = counts.iter().enumerate().rev();
+        let high = beyond(&mut steps, outermost);
+        let value = |step: usize| least + (most - least) * step as f32 / 255.0;
+        Some(Self {
+            least: value(low),
+            most: value((high + 1).min(255)),
+        })
+    }
+
+    /// Where a disparity lies in the span, 0 to 1.
+    pub fn share(self, disparity: f32) -> f32 {
+        let width = self.most - self.least;
+        if width > 0.0 {
+            ((disparity - self.least) / width).clamp(0.0, 1.0)
+        } else {
+            0.5
+        }
+    }
+}
+
+/// The first step with which more than `outermost` have been met.
+fn beyond<'a>(steps: &mut impl Iterator<Item = (usize, &'a u32)>, outermost: u32) -> usize {
+    let mut met = 0;
+    steps
+        .find(|(_, count)| {
+            met += **count;
+            met > outermost
+        })
+        .map_or(0, |(step, _)| step)
+}
+
+/// Paints a disparity picture, three bytes a pixel.
+pub fn paint(colours: &Colours, span: Option<Span>, disparities: &[f32], out: &mut Vec<u8>) {
+    let start = out.len();
+    out.resize(start + 3 * disparities.len(), 0);
+    let Some(span) = span else { return };
+    for (pixel, d) in out[start..].chunks_exact_mut(3).zip(disparities) {
+        if d.is_finite() {
+            pixel.copy_from_slice(&colours.of(span.share(*d)));
+        }
+    }
+}
+
+/// Draws the views; keeps what it needs from scan to scan.
+#[derive(Debug, Default)]
+pub struct Views {
+    colours: Colours,
+    strip: Vec<[f32; 2]>,
+    disparities: Vec<f32>,
+}
+
+/// Curves whose partners were not found.
+const UNMATCHED: [f64; 4] = [0.55, 0.6, 0.65, 0.7];
+
+impl Views {
+    /// Appends the disparity picture in colours, a `foxglove.RawImage` rgb8 in the reference view.
+    pub fn picture(
+        &self,
+        codec: &Codec,
+        header: &Header,
+        picture: DisparityView<'_>,
+        span: Option<Span>,
+        out: &mut Vec<u8>,
+    ) {
+        let (size, frame) = (header.size(), &codec.optical_frames[codec.reference]);
+        raw_image_head(
+            header.capture_nanos,
+            frame,
+            size,
+            "rgb8",
+            3 * size.width,
+            out,
+        );
+        Fill(out).open(6, 3 * picture.disparity.len());
+        paint(&self.colours, span, picture.disparity, out);
+    }
+
+    /// Appends a view's curves as line strips over its image, a `foxglove.ImageAnnotations`: those that are matched
+    /// in the colour of their disparity.
+    pub fn annotations(
+        &mut self,
+        codec: &Codec,
+        header: &Header,
+        curves: CurvesView<'_>,
+        matches: Option<(MatchesView<'_>, Span)>,
+        out: &mut Vec<u8>,
+    ) {
+        let nanos = header.capture_nanos;
+        let Some((matches, span)) = matches.filter(|_| codec.rig.views.len() == 3) else {
+            self.disparities.clear();
+            self.disparities.resize(curves.curves.len(), f32::NAN);
+            return self.strips(
+                nanos,
+                curves,
+                Span {
+                    least: 0.0,
+                    most: 0.0,
+                },
+                out,
+            );
+        };
+        self.disparities.clear();
+        self.disparities.resize(curves.curves.len(), f32::NAN);
+        for found in matches.matches {
+            let label = found.curves.get(header.view as usize);
+            let slot = label.and_then(|&label| self.disparities.get_mut(label as usize));
+            if let Some(slot) = slot {
+                *slot = found.disparity;
+            }
+        }
+        self.strips(nanos, curves, span, out);
+    }
+
+    fn strips(&mut self, nanos: u64, curves: CurvesView<'_>, span: Span, out: &mut Vec<u8>) {
+        const LINE_STRIP: u64 = 3;
+        let mut fill = Fill(out);
+        for (curve, disparity) in curves.curves.iter().zip(&self.disparities) {
+            straighten(curve.points(curves.points), &mut self.strip);
+            let colour = match disparity.is_finite() {
+                true => {
+                    let [r, g, b] = self
+                        .colours
+                        .of(span.share(*disparity))
+                        .map(|c| f64::from(c) / 255.0);
+                    [r, g, b, 1.0]
+                }
+                false => UNMATCHED,
+            };
+            fill.message(2, |annotation| {
+                annotation.timestamp(1, nanos);
+                annotation.varint(2, LINE_STRIP);
+                for [x, y] in &self.strip {
+                    // A frame of known length, filled in: there are many of them.
+                    let mut point = [0; 20];
+                    point[..3].copy_from_slice(&[3 << 3 | 2, 18, 1 << 3 | 1]);
+                    point[3..11].copy_from_slice(&f64::from(*x).to_le_bytes());
+                    point[11] = 2 << 3 | 1;
+                    point[12..].copy_from_slice(&f64::from(*y).to_le_bytes());
+                    annotation.0.extend_from_slice(&point);
+                }
+                annotation.message(4, |fill| {
+                    for (value, field) in colour.iter().zip(1..) {
+                        fill.double(field, *value);
+                    }
+                });
+                annotation.double(7, 1.0);
+            });
+        }
+        fill.timestamp(5, nanos);
+    }
+}
+
+/// How far a drawn curve may lie off the true one, in pixels.
+const TOLERANCE: f32 = 0.35;
+
+/// The fewest of a curve's points, in order, that draw it to within [`TOLERANCE`]: a point is left out as long as one
+/// straight line goes past it and all others left out.
+fn straighten(points: &[Edge], strip: &mut Vec<[f32; 2]>) {
+    strip.clear();
+    let mut rest = points.iter().map(|edge| [edge.x, edge.y]);
+    let Some(mut anchor) = rest.next() else {
+        return;
+    };
+    strip.push(anchor);
+    let mut last = anchor;
+    let mut sleeve = Sleeve::default();
+    for point in rest {
+        if !sleeve.admits(sub(point, anchor)) {
+            strip.push(last);
+            anchor = last;
+            sleeve = Sleeve::default();
+            sleeve.admits(sub(point, anchor));
+        }
+        last = point;
+    }
+    strip.push(last);
+}
+
+fn sub(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+fn cross(a: [f32; 2], b: [f32; 2]) -> f32 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+/// The directions that pass all points admitted so far within the tolerance.
+#[derive(Default)]
+struct Sleeve {
+    /// The outermost directions, when there is a limit.
+    sides: Option<[[f32; 2]; 2]>,
+    reach: f32,
+}
+
+impl Sleeve {
+    /// Whether a line to this point passes all before it; if so the sleeve is narrowed to pass it too.
+    fn admits(&mut self, to: [f32; 2]) -> bool {
+        let square = to[0] * to[0] + to[1] * to[1];
+        // A curve that turns back needs a corner.
+        if square < self.reach {
+            return false;
+        }
+        let turned_back =
+            |[a, b]: [[f32; 2]; 2]| (a[0] + b[0]) * to[0] + (a[1] + b[1]) * to[1] < 0.0;
+        if self
+            .sides
+            .is_some_and(|[a, b]| cross(a, to) < 0.0 || cross(b, to) > 0.0 || turned_back([a, b]))
+        {
+            return false;
+        }
+        self.reach = square;
+        // The tangents to the circle of the tolerance around the point.
+        let along = square - TOLERANCE * TOLERANCE;
+        if along > 0.0 {
+            let (along, across) = (along.sqrt(), TOLERANCE);
+            let a = [
+                to[0] * along + to[1] * across,
+                to[1] * along - to[0] * across,
+            ];
+            let b = [
+                to[0] * along - to[1] * across,
+                to[1] * along + to[0] * across,
+            ];
+            let sides = self.sides.get_or_insert([a, b]);
+            if cross(sides[0], a) > 0.0 {
+                sides[0] = a;
+            }
+            if cross(sides[1], b) < 0.0 {
+                sides[1] = b;
+            }
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The distance of a point to a strip, the slow way.
+    fn distance(p: [f32; 2], strip: &[[f32; 2]]) -> f32 {
+        let to_segment = |a: [f32; 2], b: [f32; 2]| {
+            let (along, to) = (sub(b, a), sub(p, a));
+            let square = along[0] * along[0] + along[1] * along[1];
+            let t = if square > 0.0 {
+                (along[0] * to[0] + along[1] * to[1]) / square
+            } else {
+                0.0
+            };
+            let t = t.clamp(0.0, 1.0);
+            let off = sub(to, [along[0] * t, along[1] * t]);
+            off[0].hypot(off[1])
+        };
+        let nearest = strip.windows(2).map(|s| to_segment(s[0], s[1]));
+        nearest
+            .chain(strip.first().map(|&a| to_segment(a, a)))
+            .fold(f32::INFINITY, f32::min)
+    }
+
+    /// Curves that run straight, bend, turn back and stand still.
+    fn curves() -> Vec<Vec<Edge>> {
+        let mut state = 1u64;
+        let mut random = move || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 40) as f32 / (1 << 24) as f32
+        };
+        let mut curve = |wobble: f32| {
+            let (mut x, mut y, mut angle) = (100.0, 100.0, random() * 6.3);
+            let mut point = || {
+                angle += (random() - 0.5) * wobble;
+                x += angle.cos() * random() * 2.0;
+                y += angle.sin() * random() * 2.0;
+                Edge {
+                    x,
+                    y,
+                    ..Edge::default()
+                }
+            };
+            (0..200).map(|_| point()).collect()
+        };
+        (0..200).map(|i| curve(i as f32 / 30.0)).collect()
+    }
+
+    #[test]
+    fn a_drawn_curve_passes_all_its_points() {
+        let mut strip = Vec::new();
+        for points in curves() {
+            straighten(&points, &mut strip);
+            for edge in &points {
+                let off = distance([edge.x, edge.y], &strip);
+                assert!(off <= TOLERANCE + 1e-3, "{off}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_straight_curve_is_drawn_with_two_points() {
+        let edges: Vec<_> = (0..99u8)
+            .map(|i| Edge {
+                x: f32::from(i) / 3.0,
+                y: f32::from(i),
+                ..Edge::default()
+            })
+            .collect();
+        let mut strip = Vec::new();
+        straighten(&edges, &mut strip);
+        assert_eq!(strip, [[0.0, 0.0], [98.0 / 3.0, 98.0]]);
+        straighten(&[], &mut strip);
+        assert!(strip.is_empty());
+        straighten(&edges[..1], &mut strip);
+        assert_eq!(strip.len(), 2);
+    }
+
+    #[test]
+    fn colours_grow_lighter_from_far_to_near() {
+        let colours = Colours::new();
+        let light = |rgb: [u8; 3]| {
+            0.2126 * f32::from(rgb[0]) + 0.7152 * f32::from(rgb[1]) + 0.0722 * f32::from(rgb[2])
+        };
+        let lights: Vec<f32> = (0..=255)
+            .map(|i| light(colours.of(i as f32 / 255.0)))
+            .collect();
+        assert!(lights.windows(17).all(|w| w[16] > w[0]), "{lights:?}");
+        assert!(colours.steps.iter().all(|rgb| *rgb != Colours::UNKNOWN));
+    }
+
+    #[test]
+    fn a_stray_disparity_does_not_decide_the_colours() {
+        let mut disparities: Vec<f32> = (0..1000).map(|i| 10.0 + i as f32 / 100.0).collect();
+        disparities.extend([500.0, f32::NAN, f32::INFINITY]);
+        let span = Span::of(&disparities);
+        assert!(
+            span.is_some_and(|s| s.least < 11.0 && s.most < 25.0),
+            "{span:?}"
+        );
+        assert_eq!(Span::of(&[f32::NAN]), None);
+        assert_eq!(Span::of(&[7.0; 4]).map(|s| s.share(7.0)), Some(0.5));
+    }
+
+    #[test]
+    fn unknown_pixels_are_black() {
+        let mut out = vec![9];
+        paint(
+            &Colours::new(),
+            Span::of(&[1.0, 2.0]),
+            &[1.0, f32::NAN, 2.0],
+            &mut out,
+        );
+        assert_eq!(out.len(), 10);
+        assert_eq!(out[4..7], [0, 0, 0]);
+        assert_ne!(out[1..4], [0, 0, 0]);
+        paint(&Colours::new(), None, &[f32::NAN; 2], &mut out);
+        assert_eq!(out[10..], [0; 6]);
+    }
+}

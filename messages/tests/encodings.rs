@@ -1,0 +1,578 @@
+//! The recording's encodings, seen from outside: nothing is lost, others can read it, damage is told.
+#![cfg(feature = "record")]
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+use bytemuck::{Pod, Zeroable};
+use foxglove::Decode as _;
+use foxglove::messages as fg;
+use messages::payload::SECTIONS;
+use messages::record::{Codec, DecodeError, Level, Recorded, Span, Views};
+use messages::{
+    AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Header, Image, Kind,
+    List, Match, Matches, Owned, Points, Rig, Size, Tables, Topic,
+};
+
+/// Numbers that look random and never change.
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        self.0 ^ self.0 >> 29
+    }
+
+    fn below(&mut self, most: usize) -> usize {
+        (self.bits() % most.max(1) as u64) as usize
+    }
+
+    /// Appends elements of random bits, NaNs of every sort among them.
+    fn fill<T: Pod>(&mut self, list: &mut List<'_, T>, count: usize) {
+        for byte in bytemuck::cast_slice_mut::<T, u8>(list.grow(count)) {
+            *byte = self.bits() as u8;
+        }
+    }
+}
+
+fn rig() -> Rig {
+    Rig::of_views(3, &[30.0, 1.5], Size::new(40, 30))
+}
+
+fn codec() -> Codec {
+    Codec::new(rig(), 1)
+}
+
+/// A kind that can be filled at random and compared byte by byte.
+trait Sample: Recorded {
+    fn fill(random: &mut Random, lens: [usize; SECTIONS], room: &mut Self::Room<'_>);
+    fn bytes(view: Self::View<'_>) -> Vec<u8>;
+}
+
+macro_rules! sample {
+    ($($kind:ident { $($section:ident)+ } $sound:expr;)+) => {$(
+        impl Sample for $kind {
+            fn fill(random: &mut Random, lens: [usize; SECTIONS], room: &mut Self::Room<'_>) {
+                let mut lens = lens.into_iter();
+                $(random.fill(&mut room.$section, lens.next().unwrap());)+
+                let sound: fn(&mut Self::Room<'_>) = $sound;
+                sound(room);
+            }
+
+            fn bytes(view: Self::View<'_>) -> Vec<u8> {
+                [$(bytemuck::cast_slice::<_, u8>(view.$section),)+].concat()
+            }
+        }
+    )+};
+}
+
+sample! {
+    Image { pixels } |_| {};
+    Edges { edges } |_| {};
+    Curves { curves points } |room| {
+        let points = room.points.len() as u32;
+        room.curves.iter_mut().for_each(|c| (c.first, c.count) = (points / 2, points / 3));
+    };
+    Tables { tables entries rows order } |room| {
+        let entries = room.entries.len() as u32;
+        room.tables.iter_mut().for_each(|t| (t.first, t.count) = (entries / 2, entries / 3));
+        let order = room.order.len() as u32;
+        room.rows.iter_mut().for_each(|row| *row %= order + 1);
+        room.rows.sort();
+    };
+    Matches { matches points } |room| {
+        let points = room.points.len() as u32;
+        room.matches.iter_mut().for_each(|m| (m.first, m.count) = (points / 2, points / 3));
+    };
+    Disparity { disparity } |_| {};
+    Points { points } |_| {};
+}
+
+/// A message of this topic: `share` says how full it is.
+fn sample<M: Sample>(random: &mut Random, topic: &Topic, size: Size, full: bool) -> Owned<M> {
+    let rig = rig();
+    let mut message = Owned::<M>::new(rig.size);
+    let mut lens = M::capacities(size);
+    if !full && !matches!(M::KIND, Kind::Image | Kind::Disparity) {
+        lens = lens.map(|most| random.below(most + 1));
+    }
+    message.fill(|room| M::fill(random, lens, room));
+    let lens = message.header.lens;
+    message.header = Header {
+        view: topic.view,
+        channel: topic.channel,
+        position_m: rig
+            .views
+            .get(topic.view as usize)
+            .map_or(0.0, |view| view.position_steps * 0.1),
+        lens,
+        ..Header::new(random.bits() >> 33, random.bits() >> 1, size)
+    };
+    message
+}
+
+fn encoded<M: Sample>(topic: &Topic, message: &Owned<M>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    codec().encode(topic, &message.header, message.view().into(), &mut bytes);
+    bytes
+}
+
+fn assert_round_trip<M: Sample>(random: &mut Random, topic: &Topic, size: Size, full: bool) {
+    let message = sample::<M>(random, topic, size, full);
+    let header = message.header;
+    let bytes = encoded(topic, &message);
+    let back = codec()
+        .decode::<M>(topic, header.sequence, header.capture_nanos, &bytes)
+        .unwrap();
+    assert_eq!(back.header, header, "{}", topic.name);
+    assert!(
+        M::bytes(back.view()) == M::bytes(message.view()),
+        "{}",
+        topic.name
+    );
+    let mut again = Vec::new();
+    codec().encode(topic, &back.header, back.view().into(), &mut again);
+    assert!(again == bytes, "{}", topic.name);
+}
+
+/// Does something for every topic with its kind.
+macro_rules! for_every_topic {
+    ($topic:ident, $kind:ident => $do:expr) => {
+        for $topic in &Topic::all(&rig()) {
+            macro_rules! with {
+                ($each:ident) => {{
+                    type $kind = $each;
+                    $do
+                }};
+            }
+            match $topic.kind {
+                Kind::Image => with!(Image),
+                Kind::Edges => with!(Edges),
+                Kind::Curves => with!(Curves),
+                Kind::Tables => with!(Tables),
+                Kind::Matches => with!(Matches),
+                Kind::Disparity => with!(Disparity),
+                Kind::Points => with!(Points),
+            }
+        }
+    };
+}
+
+#[test]
+fn every_kind_comes_back_byte_for_byte() {
+    let mut random = Random(1);
+    for_every_topic!(topic, M => {
+        for size in [Size::new(40, 30), Size::new(1, 1), Size::new(40, 1), Size::new(7, 13)] {
+            assert_round_trip::<M>(&mut random, topic, size, false);
+            assert_round_trip::<M>(&mut random, topic, size, true);
+        }
+        // No image, no elements.
+        assert_round_trip::<M>(&mut random, topic, Size::new(0, 0), false);
+    });
+}
+
+#[test]
+fn encoding_appends_and_leaves_what_is_there() {
+    let topic = &Topic::of(&rig(), Kind::Curves)[0];
+    let message = sample::<Curves>(&mut Random(2), topic, rig().size, false);
+    let alone = encoded(topic, &message);
+    let mut bytes = b"before".to_vec();
+    codec().encode(topic, &message.header, message.view().into(), &mut bytes);
+    assert_eq!(bytes, [b"before", &*alone].concat());
+}
+
+#[test]
+fn a_message_made_before_is_reused_whatever_it_held() {
+    let mut random = Random(3);
+    for_every_topic!(topic, M => {
+        let mut reused = Owned::<M>::new(rig().size);
+        for full in [true, false] {
+            let message = sample::<M>(&mut random, topic, Size::new(9, 8), full);
+            codec().decode_into(topic, 0, 0, &encoded(topic, &message), &mut reused).unwrap();
+            assert!(M::bytes(reused.view()) == M::bytes(message.view()), "{}", topic.name);
+        }
+    });
+}
+
+/// Whatever the bytes, decoding gives a message or an error; it never panics or takes more room than the rig's.
+fn decode_anything(topic: &Topic, bytes: &[u8]) {
+    for_every_topic!(each, M => {
+        if each == topic
+            && let Ok(message) = codec().decode::<M>(topic, 0, 0, bytes)
+        {
+            // What decodes encodes.
+            encoded(topic, &message);
+        }
+    });
+}
+
+#[test]
+fn arbitrary_and_damaged_bytes_are_told_and_never_panic() {
+    let mut random = Random(4);
+    for_every_topic!(topic, M => {
+        for _ in 0..40 {
+            let len = random.below(200);
+            let noise: Vec<u8> = (0..len).map(|_| random.bits() as u8).collect();
+            decode_anything(topic, &noise);
+        }
+        let message = sample::<M>(&mut random, topic, Size::new(6, 5), false);
+        let good = encoded(topic, &message);
+        for _ in 0..200 {
+            let mut bad = good.clone();
+            match random.below(4) {
+                0 => bad.truncate(random.below(bad.len())),
+                1 => bad.extend((0..random.below(20)).map(|_| random.bits() as u8)),
+                // The head is where it hurts most.
+                2 => {
+                    let at = random.below(bad.len().min(120));
+                    bad[at] = random.bits() as u8;
+                }
+                _ => {
+                    for _ in 0..5 {
+                        let at = random.below(bad.len());
+                        bad[at] ^= 1 << random.below(8);
+                    }
+                }
+            }
+            decode_anything(topic, &bad);
+        }
+    });
+}
+
+#[test]
+fn no_damaged_message_shows_more_than_its_lists_hold() {
+    let mut curves = Owned::<Curves>::new(rig().size);
+    curves.header = Header::new(0, 0, rig().size);
+    curves.fill(|room: &mut CurvesRoom<'_>| {
+        room.curves.push(Curve {
+            first: 3,
+            count: u32::MAX,
+            ..Curve::default()
+        });
+        room.points.push(Edge::default());
+    });
+    let topic = &Topic::of(&rig(), Kind::Curves)[0];
+    let bytes = {
+        let mut bytes = Vec::new();
+        codec().encode(topic, &curves.header, curves.view().into(), &mut bytes);
+        bytes
+    };
+    let read = codec().decode::<Curves>(topic, 0, 0, &bytes);
+    assert_eq!(read.err(), Some(DecodeError::Unsound));
+}
+
+#[test]
+fn damage_is_told_by_name() {
+    let topic = &Topic::of(&rig(), Kind::Image)[0];
+    let image = sample::<Image>(&mut Random(5), topic, Size::new(40, 30), true);
+    let bytes = encoded(topic, &image);
+    let decode = |codec: &Codec, bytes: &[u8]| codec.decode::<Image>(topic, 0, 0, bytes).err();
+    let small = Codec::new(
+        Rig {
+            size: Size::new(39, 30),
+            ..rig()
+        },
+        0,
+    );
+    assert_eq!(
+        decode(&small, &bytes),
+        Some(DecodeError::Size(Size::new(40, 30), Size::new(39, 30)))
+    );
+    assert_eq!(
+        decode(&codec(), &bytes[..bytes.len() - 1]),
+        Some(DecodeError::Malformed)
+    );
+    assert_eq!(
+        decode(&codec(), &[]),
+        Some(DecodeError::Layout("pixel encoding"))
+    );
+
+    let topic = &Topic::of(&rig(), Kind::Edges)[0];
+    let points = &Topic::of(&rig(), Kind::Points)[0];
+    let cloud = encoded(
+        points,
+        &sample::<Points>(&mut Random(6), points, Size::new(4, 4), true),
+    );
+    let read = codec().decode::<Edges>(topic, 0, 0, &cloud);
+    assert_eq!(read.err(), Some(DecodeError::Layout("columns")));
+    let full = encoded(
+        points,
+        &sample::<Points>(&mut Random(7), points, Size::new(40, 30), true),
+    );
+    let read = small.decode::<Points>(points, 0, 0, &full);
+    assert!(matches!(
+        read.err(),
+        Some(DecodeError::Size(..) | DecodeError::TooMany)
+    ));
+    assert_eq!(
+        codec().decode::<Points>(topic, 0, 0, &full).err(),
+        Some(DecodeError::Layout("kind"))
+    );
+}
+
+const NANOS: u64 = 1_700_000_000_123_456_789;
+const STAMP: Option<(u32, u32)> = Some((1_700_000_000, 123_456_789));
+
+fn stamp(of: Option<fg::Timestamp>) -> Option<(u32, u32)> {
+    of.map(|t| (t.sec(), t.nsec()))
+}
+
+#[test]
+fn foxglove_reads_images_and_clouds() {
+    let mut random = Random(8);
+    let size = Size::new(5, 4);
+    let topic = &Topic::of(&rig(), Kind::Image)[2];
+    let mut message = sample::<Image>(&mut random, topic, size, true);
+    message.header.capture_nanos = NANOS;
+    let image = fg::RawImage::decode(&*encoded(topic, &message)).unwrap();
+    assert_eq!(
+        (image.width, image.height, image.step, &*image.encoding),
+        (5, 4, 5, "mono8")
+    );
+    assert_eq!(
+        (stamp(image.timestamp), &*image.frame_id),
+        (STAMP, "right_optical")
+    );
+    assert_eq!(image.data, message.view().pixels);
+
+    let topic = &Topic::of(&rig(), Kind::Edges)[0];
+    let mut message = sample::<Edges>(&mut random, topic, size, true);
+    message.header.capture_nanos = NANOS;
+    let cloud = fg::PointCloud::decode(&*encoded(topic, &message)).unwrap();
+    assert_eq!(
+        (cloud.point_stride, &*cloud.frame_id, stamp(cloud.timestamp)),
+        (24, "left_pixels", STAMP)
+    );
+    assert_eq!(cloud.pose.unwrap().orientation.unwrap().w, 1.0);
+    let names: Vec<_> = cloud.fields.iter().map(|f| (&*f.name, f.offset)).collect();
+    assert_eq!(
+        names[..5],
+        [
+            ("x", 0),
+            ("y", 4),
+            ("z", 8),
+            ("magnitude", 8),
+            ("orientation", 12)
+        ]
+    );
+    assert_eq!(names.last(), Some(&("profile_7", 23)));
+    assert_eq!(cloud.data.len(), 24 * size.pixels());
+
+    let topic = &Topic::of(&rig(), Kind::Points)[0];
+    let message = sample::<Points>(&mut random, topic, size, true);
+    let cloud = fg::PointCloud::decode(&*encoded(topic, &message)).unwrap();
+    assert_eq!(
+        (cloud.point_stride, &*cloud.frame_id, cloud.fields.len()),
+        (36, "centre_optical", 9)
+    );
+
+    let topic = &Topic::of(&rig(), Kind::Disparity)[0];
+    let message = sample::<Disparity>(&mut random, topic, size, true);
+    let image = fg::RawImage::decode(&*encoded(topic, &message)).unwrap();
+    assert_eq!(
+        (image.step, &*image.encoding, &*image.frame_id),
+        (20, "32FC1", "centre_optical")
+    );
+}
+
+#[test]
+fn foxglove_reads_calibration_frames_and_log() {
+    let camera = Calibration {
+        focal_px: 500.0,
+        cx: 20.0,
+        cy: 15.0,
+        baseline_m: 0.2,
+        calibrated: true,
+    };
+    let codec = Codec::new(
+        Rig {
+            calibration: Some(camera),
+            ..rig()
+        },
+        0,
+    );
+    let size = Size::new(40, 30);
+
+    let mut bytes = Vec::new();
+    codec.calibration(2, NANOS, size, &mut bytes);
+    let read = fg::CameraCalibration::decode(&*bytes).unwrap();
+    assert_eq!(
+        (read.width, read.height, &*read.frame_id),
+        (40, 30, "right_optical")
+    );
+    assert_eq!(
+        (stamp(read.timestamp), &*read.distortion_model),
+        (STAMP, "plumb_bob")
+    );
+    assert_eq!(read.k, [500.0, 0.0, 20.0, 0.0, 500.0, 15.0, 0.0, 0.0, 1.0]);
+    assert_eq!(read.r, [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(
+        read.p,
+        [
+            500.0, 0.0, 20.0, -200.0, 0.0, 500.0, 15.0, 0.0, 0.0, 0.0, 1.0, 0.0
+        ]
+    );
+    // A point that the first view sees at (u, v) falls d·2 to the left here: P says the same.
+    let [x, _, z] = camera.point_m(30.0, 20.0, 10.0);
+    let u = (read.p[0] * x + read.p[2] * z + read.p[3]) / z;
+    assert!((u - (30.0 - 2.0 * 10.0)).abs() < 1e-9);
+
+    bytes.clear();
+    codec.transforms(NANOS, size, &mut bytes);
+    let read = fg::FrameTransforms::decode(&*bytes).unwrap().transforms;
+    let names: Vec<_> = read
+        .iter()
+        .map(|t| (&*t.parent_frame_id, &*t.child_frame_id))
+        .collect();
+    let expected = ["left_optical", "centre_optical", "right_optical"].map(|child| ("rig", child));
+    assert_eq!(names, [&[("world", "rig")], &expected[..]].concat());
+    assert!(read.iter().all(|t| stamp(t.timestamp) == STAMP));
+    let right = read[3].clone();
+    assert_eq!(right.translation.unwrap().y, -0.4);
+    // Forward in the optical frame is forward, x, in the rig's; right is −y; down is −z.
+    let q = right.rotation.unwrap();
+    let turned = |v: [f64; 3]| rotate([q.x, q.y, q.z, q.w], v);
+    assert_eq!(turned([0.0, 0.0, 1.0]), [1.0, 0.0, 0.0]);
+    assert_eq!(turned([1.0, 0.0, 0.0]), [0.0, -1.0, 0.0]);
+    assert_eq!(turned([0.0, 1.0, 0.0]), [0.0, 0.0, -1.0]);
+
+    bytes.clear();
+    codec.log(NANOS, Level::Warning, "track", "few curves", &mut bytes);
+    let read = fg::Log::decode(&*bytes).unwrap();
+    assert_eq!(
+        (stamp(read.timestamp), read.level),
+        (STAMP, fg::log::Level::Warning as i32)
+    );
+    assert_eq!((&*read.message, &*read.name), ("few curves", "track"));
+}
+
+/// v turned by a unit quaternion.
+fn rotate([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    };
+    let t = cross([x, y, z], v).map(|c| 2.0 * c);
+    let u = cross([x, y, z], t);
+    std::array::from_fn(|i| v[i] + w * t[i] + u[i])
+}
+
+#[test]
+fn foxglove_reads_curves_drawn_over_the_image_and_the_picture() {
+    let codec = codec();
+    let mut views = Views::default();
+    let header = Header {
+        view: 0,
+        ..Header::new(0, NANOS, Size::new(3, 1))
+    };
+    let at = |x: f32, y: f32| Edge {
+        x,
+        y,
+        ..Edge::zeroed()
+    };
+    let points = [
+        at(1.0, 2.0),
+        at(2.0, 3.0),
+        at(3.0, 4.0),
+        at(8.0, 1.0),
+        at(9.0, 1.5),
+    ];
+    let curves = [
+        Curve {
+            label: 0,
+            first: 0,
+            count: 3,
+            ..Curve::default()
+        },
+        Curve {
+            label: 1,
+            first: 3,
+            count: 2,
+            ..Curve::default()
+        },
+    ];
+    let view = messages::CurvesView {
+        curves: &curves,
+        points: &points,
+    };
+    let found = [Match {
+        curves: [1, 5, 7],
+        disparity: 2.0,
+        ..Match::default()
+    }];
+    let matches = messages::MatchesView {
+        matches: &found,
+        points: &[],
+    };
+    let disparity = [1.0, f32::NAN, 2.0];
+    let span = Span::of(&disparity);
+
+    let mut bytes = Vec::new();
+    views.annotations(
+        &codec,
+        &header,
+        view,
+        span.map(|span| (matches, span)),
+        &mut bytes,
+    );
+    let read = fg::ImageAnnotations::decode(&*bytes).unwrap();
+    assert_eq!(read.points.len(), 2);
+    for strip in &read.points {
+        assert_eq!(stamp(strip.timestamp), STAMP);
+        assert_eq!(strip.r#type, fg::points_annotation::Type::LineStrip as i32);
+        assert!(strip.thickness > 0.0);
+    }
+    let first: Vec<_> = read.points[0].points.iter().map(|p| (p.x, p.y)).collect();
+    assert_eq!(first, [(1.0, 2.0), (3.0, 4.0)]);
+    let colour = |i: usize| read.points[i].outline_color.unwrap();
+    assert!(colour(0).a < 1.0 && colour(1).a == 1.0);
+
+    bytes.clear();
+    views.picture(
+        &codec,
+        &header,
+        messages::DisparityView {
+            disparity: &disparity,
+        },
+        span,
+        &mut bytes,
+    );
+    let read = fg::RawImage::decode(&*bytes).unwrap();
+    assert_eq!(
+        (&*read.encoding, read.step, read.data.len()),
+        ("rgb8", 9, 9)
+    );
+    assert_eq!(read.data[3..6], [0, 0, 0]);
+    // The nearest curve and the nearest pixel have one colour.
+    assert_eq!(read.data[6], (colour(1).r * 255.0).round() as u8);
+}
+
+#[test]
+fn channels_have_names_of_their_own_and_all_data_topics_are_there() {
+    let channels = codec().channels(true);
+    let mut names: Vec<_> = channels.iter().map(|c| &c.name).collect();
+    names.sort();
+    names.dedup();
+    assert_eq!(names.len(), channels.len());
+    assert!(
+        Topic::all(&rig())
+            .iter()
+            .all(|topic| names.contains(&&topic.name))
+    );
+    assert!(
+        codec()
+            .channels(false)
+            .iter()
+            .all(|c| !c.name.ends_with("annotations"))
+    );
+}
+
+#[test]
+fn any_view_knows_its_kind() {
+    let points = Owned::<Points>::new(Size::new(2, 2));
+    assert_eq!(AnyView::from(points.view()).kind(), Kind::Points);
+}
