@@ -154,7 +154,7 @@ pub(crate) struct Node {
     /// How many times it was started before
     #[arg(long, default_value_t = 0)]
     pub(crate) life: u32,
-    /// The first scan that is not done
-    #[arg(long, default_value_t = 0)]
-    pub(crate) first: u64,
+    /// How far the scans have come, as JSON
+    #[arg(long)]
+    pub(crate) resume: Option<String>,
 }

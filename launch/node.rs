@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use messages::bus::{Bus, Run, Start, complain};
+use messages::bus::{Bus, Progress, Run, Start, complain};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -46,7 +46,11 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
     let orders = Orders::read(&args.run)?;
     let node = registry::find(&args.name).ok_or_else(|| format!("there is no node {}", args.name))?;
     let settings = orders.configuration.get(node.name).cloned().unwrap_or_default();
-    let start = Start { life: args.life, first: args.first, configuration: orders.configuration };
-    let mut bus = Bus::join(orders.run, node.name, args.first)?;
+    let resume: Progress = match &args.resume {
+        Some(json) => serde_json::from_str(json)?,
+        None => Progress::default(),
+    };
+    let mut bus = Bus::join(orders.run, node.name, resume.done_below)?;
+    let start = Start { life: args.life, resume, configuration: orders.configuration };
     (node.run)(&mut bus, &settings, &start)
 }

@@ -151,9 +151,12 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         if let Some((outcome, text)) = self.trouble.take() {
             self.watcher.say(Level::Error, "launch", &text);
             result.outcome = outcome;
-        } else if let Some(text) = self.capture_trouble() {
-            self.watcher.say(Level::Error, "capture", &text);
-            result.outcome = Outcome::Failed;
+        }
+        for report in &result.reports {
+            if let Some(why) = &report.failed {
+                self.watcher.say(Level::Error, &report.node, why);
+                result.outcome = Outcome::Failed;
+            }
         }
         for fault in result.ledger.faults() {
             self.watcher.say(Level::Error, "ledger", &fault);
@@ -164,18 +167,13 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         Ok(result)
     }
 
-    /// What the source could not give.
-    fn capture_trouble(&self) -> Option<String> {
-        let figures = &self.nodes[0].report.as_ref()?.figures;
-        Some(figures.get("failed")?.as_str()?.to_owned())
-    }
-
     fn spawn(&self, place: usize, life: u32) -> Result<Node, Failure> {
         let name = self.duty.nodes[place].clone();
         let cannot = |e: std::io::Error| Failure::failed(format!("cannot start the node {name}: {e}"));
         let mut child = Process::new(std::env::current_exe().map_err(cannot)?)
             .args(["node", &name, "--life", &life.to_string()])
-            .args(["--first", &self.progress.done_below.to_string()])
+            .arg("--resume")
+            .arg(serde_json::to_string(&self.progress).map_err(std::io::Error::from).map_err(cannot)?)
             .arg("--run")
             .arg(self.duty.folder)
             .stdin(Stdio::piped())

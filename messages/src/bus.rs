@@ -94,12 +94,12 @@ impl Run {
 }
 
 /// What a node is told when its process starts.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Start {
     /// How many times it was started before in this run.
     pub life: u32,
-    /// The first scan that is not done.
-    pub first: u64,
+    /// How far the scans had come when it was started.
+    pub resume: Progress,
     /// The run's whole effective configuration: the graph's keys and every node's.
     pub configuration: serde_json::Value,
 }
@@ -261,7 +261,7 @@ impl std::fmt::Debug for Bus {
 }
 
 impl Bus {
-    /// Joins a run as the node of this name; `first` is the first scan that is not done. Commands are read from
+    /// Joins a run as the node of this name; scans below `first` are done. Commands are read from
     /// standard input, events written to standard output, so a process has one bus.
     ///
     /// # Errors
@@ -483,27 +483,37 @@ impl Bus {
         }
         if self.next_report <= Instant::now() {
             self.next_report = Instant::now() + REPORT_EVERY;
-            let report = self.report(serde_json::Value::Null);
+            let report = self.report(&[]);
             self.reports.send(&report);
             control::say(&Event::Report(report));
         }
         Ok(())
     }
 
-    /// What this node has counted so far, with figures of its own.
-    pub fn report(&self, figures: serde_json::Value) -> NodeReport {
+    /// What this node has counted so far, with counts of its own.
+    pub fn report(&self, counts: &[(&str, u64)]) -> NodeReport {
         let book = self.book.borrow();
+        let count = |(name, count): &(&str, u64)| ((*name).to_owned(), *count);
         NodeReport {
             node: self.name.clone(),
             topics: book.accounts(),
             milliseconds: book.meter.percentiles(),
-            figures,
+            counts: counts.iter().map(count).collect(),
+            failed: None,
         }
     }
 
-    /// Sends the last report: the node has done its work.
-    pub fn finish(&mut self, figures: serde_json::Value) {
-        let report = self.report(figures);
+    /// Sends the last report, with counts of its own: the node has done its work.
+    pub fn finish(&self, counts: &[(&str, u64)]) {
+        self.send_last(self.report(counts));
+    }
+
+    /// Sends the last report: the node did what it could, and why that was not all.
+    pub fn finish_failed(&self, why: impl ToString, counts: &[(&str, u64)]) {
+        self.send_last(NodeReport { failed: Some(why.to_string()), ..self.report(counts) });
+    }
+
+    fn send_last(&self, report: NodeReport) {
         self.reports.send(&report);
         control::say(&Event::Finished(report));
     }

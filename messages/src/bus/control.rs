@@ -64,6 +64,10 @@ pub struct Progress {
     pub done: u64,
     /// Scans in all, when that is known.
     pub total: Option<u64>,
+    /// The source's next scan.
+    pub next_tick: u64,
+    /// The scans under way, and which scan of the source each is.
+    pub under_way: Vec<(u64, u64)>,
     /// Scans that never went through the door, by cause.
     #[serde(default)]
     pub refused: BTreeMap<String, u64>,
@@ -78,8 +82,11 @@ pub struct NodeReport {
     pub topics: BTreeMap<String, Account>,
     /// How long it works on a scan.
     pub milliseconds: Percentiles,
-    /// Figures of its own.
-    pub figures: serde_json::Value,
+    /// Counts of its own.
+    pub counts: BTreeMap<String, u64>,
+    /// Why it could not do all of its work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failed: Option<String>,
 }
 
 /// What a node tells the launcher.

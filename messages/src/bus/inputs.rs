@@ -146,10 +146,25 @@ impl Joined {
     }
 
     /// The message of this kind, view and channel.
-    pub fn of(&self, kind: Kind, view: u32, channel: u32) -> Option<&Received> {
-        let is =
-            |m: &&Received| (m.topic.kind, m.topic.view, m.topic.channel) == (kind, view, channel);
-        self.messages.iter().find(is)
+    ///
+    /// # Errors
+    /// When the scan has no such topic.
+    pub fn of(&self, kind: Kind, view: u32, channel: u32) -> Result<&Received, BusError> {
+        let key = (kind, view, channel);
+        let is = |m: &&Received| (m.topic.kind, m.topic.view, m.topic.channel) == key;
+        let found = self.messages.iter().find(is);
+        found.ok_or_else(|| BusError::port("find a topic of the scan", key))
+    }
+
+    /// What the heads of all its messages agree on; what they do not is [`NONE`](crate::NONE) or zero.
+    pub fn header(&self) -> Header {
+        let heads = self.messages.iter().map(Received::header);
+        let done_below = heads.clone().map(|head| head.done_below).max();
+        let first = heads.clone().next().unwrap_or_default();
+        Header {
+            done_below: done_below.unwrap_or_default(),
+            ..Header::new(self.sequence, first.capture_nanos, first.size())
+        }
     }
 
     /// Whether a scan that was joined before came again.

@@ -14,7 +14,7 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     let results = bus.outputs(&[Kind::Matches, Kind::Disparity, Kind::Points])?;
     let done = bus.finisher()?;
     let rig = bus.run().rig.clone();
-    let mut matcher = Matcher::new(&settings);
+    let mut matcher = Matcher::new(&settings, &rig.channels);
     let mut count = Count::default();
     bus.ready()?;
     while let Some(scan) = bus.next_scan(&mut scans)? {

@@ -1,0 +1,44 @@
+//! The commands, one file each.
+
+mod clean;
+mod completions;
+mod export;
+mod graph;
+mod info;
+mod run;
+mod validate;
+
+use crate::cli::{Cli, Command};
+use crate::{Failure, Outcome};
+
+/// Does what the command line says.
+pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
+    match cli.command {
+        Command::Run(args) => run::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Export(args) => export::run(&args),
+        Command::Validate(args) => validate::run(&args),
+        Command::Graph(args) => graph::run(&args),
+        Command::Clean => clean::run(),
+        Command::Completions { shell } => completions::run(shell),
+        Command::Node(args) => Ok(crate::node::run(&args)),
+    }
+}
+
+/// Prints a command's result to standard output; a reader that has had enough is no failure.
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    use std::io::Write as _;
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::failed(format!("cannot write to standard output: {e}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints a result as JSON.
+pub(crate) fn print_json(result: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(result).map_err(Failure::failed)?;
+    print(&(text + "\n"))
+}
