@@ -60,7 +60,13 @@ mod tests {
 
     #[test]
     fn a_point_projects_back_to_where_it_was_seen() {
-        let camera = Calibration { focal_px: 600.0, cx: 255.5, cy: 239.5, baseline_m: 0.05, calibrated: true };
+        let camera = Calibration {
+            focal_px: 600.0,
+            cx: 255.5,
+            cy: 239.5,
+            baseline_m: 0.05,
+            calibrated: true,
+        };
         let [x, y, z] = camera.point_m(100.25, 300.0, 12.0);
         assert!((z - 600.0 * 0.05 / 12.0).abs() < 1e-12);
         assert!((camera.focal_px * x / z + camera.cx - 100.25).abs() < 1e-9);

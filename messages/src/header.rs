@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 pub const NONE: u32 = u32::MAX;
 
 /// Width and height of an image in pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
+)]
 pub struct Size {
     /// Columns.
     pub width: u32,

@@ -115,11 +115,17 @@ impl Ledger {
     pub fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();
         if self.admitted != self.done {
-            faults.push(format!("{} scans were admitted, {} done", self.admitted, self.done));
+            faults.push(format!(
+                "{} scans were admitted, {} done",
+                self.admitted, self.done
+            ));
         }
         for (node, topics) in &self.nodes {
             for (topic, account) in topics {
-                let both = [("received", account.received), ("published", account.published)];
+                let both = [
+                    ("received", account.received),
+                    ("published", account.published),
+                ];
                 for (verb, count) in both {
                     if let Some(count) = count.filter(|&count| count != self.admitted) {
                         let which = match account.missing.as_slice() {
@@ -160,7 +166,10 @@ mod tests {
             assert_eq!(seen.count(), twin.len() as u64, "{sequence}");
         }
         assert_eq!(seen.below(), 11);
-        assert!(seen.missing().eq((11..69).filter(|s| ![40, 41].contains(s))));
+        assert!(
+            seen.missing()
+                .eq((11..69).filter(|s| ![40, 41].contains(s)))
+        );
     }
 
     #[test]
@@ -177,10 +186,25 @@ mod tests {
 
     #[test]
     fn a_ledger_that_lost_a_message_says_which() {
-        let mut ledger = Ledger { admitted: 3, done: 3, ..Ledger::default() };
-        let account = Account { received: Some(2), missing: vec![1], ..Account::default() };
+        let mut ledger = Ledger {
+            admitted: 3,
+            done: 3,
+            ..Ledger::default()
+        };
+        let account = Account {
+            received: Some(2),
+            missing: vec![1],
+            ..Account::default()
+        };
         assert!(ledger.is_balanced());
-        ledger.nodes.entry("track".into()).or_default().insert("edges/left/20".into(), account);
-        assert_eq!(ledger.faults(), ["track received 2 of 3 scans of edges/left/20, missing scans [1]"]);
+        ledger
+            .nodes
+            .entry("track".into())
+            .or_default()
+            .insert("edges/left/20".into(), account);
+        assert_eq!(
+            ledger.faults(),
+            ["track received 2 of 3 scans of edges/left/20, missing scans [1]"]
+        );
     }
 }

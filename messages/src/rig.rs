@@ -61,7 +61,8 @@ impl Rig {
 
     /// The calibration for images of this size: the known one, or the stated default.
     pub fn calibration(&self, size: Size) -> Calibration {
-        self.calibration.unwrap_or_else(|| Calibration::assumed(size))
+        self.calibration
+            .unwrap_or_else(|| Calibration::assumed(size))
     }
 
     /// Where a view's camera stands along the baseline, in metres.

@@ -30,7 +30,11 @@ pub struct OutOfRange {
 impl fmt::Display for OutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (least, most) = self.range;
-        write!(f, "{} must lie between {least} and {most}, not {}", self.key, self.value)
+        write!(
+            f,
+            "{} must lie between {least} and {most}, not {}",
+            self.key, self.value
+        )
     }
 }
 
@@ -174,9 +178,15 @@ mod tests {
 
     #[test]
     fn a_number_out_of_range_is_named_wherever_it_stands() {
-        let list = Sample { channels: vec![8.0, 500.0], ..Sample::default() };
+        let list = Sample {
+            channels: vec![8.0, 500.0],
+            ..Sample::default()
+        };
         assert_eq!(list.check().map_err(|e| e.value), Err(500.0));
-        let option = Sample { high: Some(f32::NAN), ..Sample::default() };
+        let option = Sample {
+            high: Some(f32::NAN),
+            ..Sample::default()
+        };
         assert!(option.check().is_err());
     }
 

@@ -88,12 +88,18 @@ impl Kind {
 
     /// Whether each view has a topic of its own.
     pub const fn is_per_view(self) -> bool {
-        matches!(self, Self::Image | Self::Edges | Self::Curves | Self::Tables)
+        matches!(
+            self,
+            Self::Image | Self::Edges | Self::Curves | Self::Tables
+        )
     }
 
     /// Whether each channel has a topic of its own.
     pub const fn is_per_channel(self) -> bool {
-        matches!(self, Self::Edges | Self::Curves | Self::Tables | Self::Matches)
+        matches!(
+            self,
+            Self::Edges | Self::Curves | Self::Tables | Self::Matches
+        )
     }
 
     /// The first part of the topic's name.
@@ -145,7 +151,10 @@ impl Topic {
 
     /// Every data topic of a rig, in the order a scan makes them: by kind, then view, then channel.
     pub fn all(rig: &Rig) -> Vec<Self> {
-        Kind::ALL.into_iter().flat_map(|kind| Self::of(rig, kind)).collect()
+        Kind::ALL
+            .into_iter()
+            .flat_map(|kind| Self::of(rig, kind))
+            .collect()
     }
 
     /// The topics of one kind, by view, then channel.
@@ -173,7 +182,13 @@ mod tests {
         let rig = Rig::of_views(3, &[30.0, 1.5], Size::new(64, 64));
         let names: Vec<String> = Topic::all(&rig).into_iter().map(|t| t.name).collect();
         assert_eq!(names.len(), 3 + 3 * 6 + 2 + 2);
-        for name in ["camera/left/image", "edges/centre/30", "tables/right/1.5", "matches/30", "points"] {
+        for name in [
+            "camera/left/image",
+            "edges/centre/30",
+            "tables/right/1.5",
+            "matches/30",
+            "points",
+        ] {
             assert!(names.iter().any(|n| n == name), "{name} in {names:?}");
         }
     }
