@@ -15,7 +15,11 @@ pub fn curvatures(points: &[Edge], out: &mut [f32]) {
             .map(|pair| (pair[1].x - pair[0].x).hypot(pair[1].y - pair[0].y))
             .sum();
         let turn = turn(points[from].orientation, points[to].orientation);
-        *slot = if way > 0.0 && turn.is_finite() { turn / way } else { 0.0 };
+        *slot = if way > 0.0 && turn.is_finite() {
+            turn / way
+        } else {
+            0.0
+        };
     }
 }
 

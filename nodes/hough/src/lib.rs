@@ -11,6 +11,8 @@
 //! can be right.
 
 mod curvature;
+#[cfg(feature = "node")]
+pub mod node;
 mod settings;
 
 pub use curvature::curvatures;
@@ -50,7 +52,12 @@ impl Tabulator {
     }
 
     /// Makes the tables of the curves of an image of this size; the room is filled anew.
-    pub fn process(&mut self, curves: CurvesView<'_>, size: Size, room: &mut TablesRoom<'_>) -> Tabulated {
+    pub fn process(
+        &mut self,
+        curves: CurvesView<'_>,
+        size: Size,
+        room: &mut TablesRoom<'_>,
+    ) -> Tabulated {
         room.tables.clear();
         room.entries.clear();
         room.rows.clear();
@@ -96,7 +103,9 @@ impl Tabulator {
                 weight,
             });
         }
-        Tabulated { skipped: skipped + missing }
+        Tabulated {
+            skipped: skipped + missing,
+        }
     }
 
     /// Sorts all points by row and column; gives the number of points passed over.
@@ -175,7 +184,11 @@ impl Tabulator {
 
     fn weigh_by_magnitude(&mut self, points: &[Edge], size: Size) {
         for (weight, point) in self.weights.iter_mut().zip(points) {
-            *weight = if is_sound(point, size) { point.magnitude } else { 0.0 };
+            *weight = if is_sound(point, size) {
+                point.magnitude
+            } else {
+                0.0
+            };
         }
     }
 }
@@ -184,7 +197,11 @@ impl Tabulator {
 fn key(value: f32, index: usize) -> u64 {
     // Floats sort like their bits, once those of negative ones are turned around.
     let bits = value.to_bits();
-    let sortable = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
+    let sortable = if bits >> 31 == 1 {
+        !bits
+    } else {
+        bits | 1 << 31
+    };
     u64::from(sortable) << 32 | index as u64
 }
 

@@ -30,6 +30,9 @@ messages::settings! {
 impl Settings {
     /// The constants of the thesis.
     pub fn thesis() -> Self {
-        Self { weight: Weight::Unity, constant: 1.0 }
+        Self {
+            weight: Weight::Unity,
+            constant: 1.0,
+        }
     }
 }

@@ -12,11 +12,13 @@
 //! bright side always on the same hand.
 
 mod link;
+#[cfg(feature = "node")]
+pub mod node;
 mod settings;
 mod threshold;
 
 pub use settings::Settings;
-pub use threshold::{HIGH_OVER_LOW, Histogram, Thresholds};
+pub use threshold::{HIGH_OVER_LOW, Histogram, MOST_STEP, Thresholds};
 
 use link::{Links, Way};
 use messages::{Curve, CurvesRoom, Edge, EdgesView, NONE, Size};
@@ -26,9 +28,12 @@ use messages::{Curve, CurvesRoom, Edge, EdgesView, NONE, Size};
 pub struct Tracked {
     /// The thresholds it was tracked with.
     pub thresholds: Thresholds,
-    /// Edges that were passed over: outside the image, not a number, or a second one in a pixel.
+    /// Edges that were passed over: not a number, outside the image, or not in raster order with one a pixel at most.
     pub skipped: usize,
 }
+
+/// The finest of the usual channels, in square pixels: taken for granted until [`Tracker::set_variance`] says else.
+pub const FINE_VARIANCE: f32 = 1.5;
 
 /// A chain of links.
 #[derive(Clone, Copy, Debug)]
@@ -46,8 +51,10 @@ struct Chain {
 #[derive(Debug)]
 pub struct Tracker {
     settings: Settings,
+    variance: f32,
     links: Links,
-    magnitudes: Histogram,
+    /// Per node of the links its index among the edges.
+    edge_of: Vec<u32>,
     /// Per node its chain, or [`NONE`].
     chain_of: Vec<u32>,
     chains: Vec<Chain>,
@@ -59,50 +66,78 @@ impl Tracker {
         let pixels = max.pixels();
         Self {
             settings: settings.clone(),
+            variance: FINE_VARIANCE,
             links: Links::new(max),
-            magnitudes: Histogram::new(),
+            edge_of: Vec::with_capacity(pixels),
             chain_of: Vec::with_capacity(pixels),
             chains: Vec::with_capacity(pixels),
         }
     }
 
+    /// Says which channel the next edges are of, by its σ² in square pixels: the automatic thresholds depend on it.
+    pub fn set_variance(&mut self, variance: f32) {
+        self.variance = variance;
+    }
+
     /// Tracks the edges of an image of this size; the room is filled anew.
-    pub fn process(&mut self, edges: EdgesView<'_>, size: Size, room: &mut CurvesRoom<'_>) -> Tracked {
+    pub fn process(
+        &mut self,
+        edges: EdgesView<'_>,
+        size: Size,
+        room: &mut CurvesRoom<'_>,
+    ) -> Tracked {
         room.curves.clear();
         room.points.clear();
-        let mut tracked = Tracked::default();
-        self.magnitudes.clear();
+        let mut magnitudes = Histogram::new();
         for edge in edges.edges.iter().filter(|edge| is_sound(edge, size)) {
-            self.magnitudes.add(edge.magnitude);
+            magnitudes.add(edge.magnitude);
         }
-        tracked.thresholds = Thresholds::new(&self.settings, &self.magnitudes);
-
-        self.links.clear(size);
-        for (i, edge) in (0u32..).zip(edges.edges) {
-            if !is_sound(edge, size) {
-                tracked.skipped += 1;
-            } else if edge.magnitude >= tracked.thresholds.low {
-                tracked.skipped += usize::from(!self.links.add(edge.x, edge.y, edge.orientation, i));
-            }
-        }
-        self.links.link(self.settings.tolerance_degrees.to_radians().cos());
-        self.find_chains(edges.edges, tracked.thresholds.high);
+        let thresholds = Thresholds::new(&self.settings, &magnitudes, self.variance);
+        let skipped = self.take(edges.edges, size, thresholds.low);
+        self.links.link(
+            size.height,
+            self.settings.tolerance_degrees.to_radians().cos(),
+        );
+        self.find_chains(edges.edges, thresholds.high);
         self.group_chains();
         self.number_chains();
-        for chain in 0..self.chains.len() {
-            if self.chains[chain].label != NONE {
-                self.publish(self.chains[chain], edges.edges, room);
+        for chain in &self.chains {
+            if chain.label != NONE {
+                self.publish(chain, edges.edges, room);
             }
         }
-        tracked
+        Tracked {
+            thresholds,
+            skipped,
+        }
+    }
+
+    /// Takes the edges that reach LOW; gives the number of those passed over.
+    fn take(&mut self, edges: &[Edge], size: Size, low: f32) -> usize {
+        self.links.clear();
+        self.edge_of.clear();
+        let (mut skipped, mut next_pixel) = (0, 0);
+        for (i, edge) in (0u32..).zip(edges) {
+            let pixel = edge.y as usize * size.width as usize + edge.x as usize;
+            if !is_sound(edge, size) || pixel < next_pixel {
+                skipped += 1;
+                continue;
+            }
+            next_pixel = pixel + 1;
+            if edge.magnitude >= low {
+                self.links.add(edge.x, edge.y, edge.orientation);
+                self.edge_of.push(i);
+            }
+        }
+        skipped
     }
 
     /// Cuts the links into chains, in raster order of their topmost points; a ring starts at its topmost point.
     fn find_chains(&mut self, edges: &[Edge], high: f32) {
         self.chains.clear();
         self.chain_of.clear();
-        self.chain_of.resize(self.links.nodes.len(), NONE);
-        for topmost in 0..self.links.nodes.len() as u32 {
+        self.chain_of.resize(self.links.len() as usize, NONE);
+        for topmost in 0..self.links.len() {
             if self.chain_of[topmost as usize] != NONE {
                 continue;
             }
@@ -121,11 +156,17 @@ impl Tracker {
             let (mut node, mut count, mut strong) = (first, 0, false);
             while node != NONE && self.chain_of[node as usize] == NONE {
                 self.chain_of[node as usize] = label;
-                strong |= edges[self.links.nodes[node as usize].edge as usize].magnitude >= high;
+                strong |= edges[self.edge_of[node as usize] as usize].magnitude >= high;
                 count += 1;
                 node = self.links.linked(node, Way::Ahead);
             }
-            self.chains.push(Chain { first, count, group: label, strong, label: NONE });
+            self.chains.push(Chain {
+                first,
+                count,
+                group: label,
+                strong,
+                label: NONE,
+            });
         }
     }
 
@@ -133,12 +174,13 @@ impl Tracker {
     fn touched(&self, end: u32, way: Way) -> Option<u32> {
         let node = self.links.preferred(end, way);
         let free = self.links.linked(end, way) == NONE;
-        (free && node != NONE && self.chain_of[node as usize] != self.chain_of[end as usize]).then_some(node)
+        (free && node != NONE && self.chain_of[node as usize] != self.chain_of[end as usize])
+            .then_some(node)
     }
 
     /// Puts chains that touch into one group, which is strong if one of them is.
     fn group_chains(&mut self) {
-        for node in 0..self.links.nodes.len() as u32 {
+        for node in 0..self.links.len() {
             for way in Way::BOTH {
                 if let Some(other) = self.touched(node, way) {
                     let a = self.head_of_group(self.chain_of[node as usize]);
@@ -173,20 +215,27 @@ impl Tracker {
         }
     }
 
-    fn publish(&self, chain: Chain, edges: &[Edge], room: &mut CurvesRoom<'_>) {
-        let edge = |node: u32| edges[self.links.nodes[node as usize].edge as usize];
+    fn publish(&self, chain: &Chain, edges: &[Edge], room: &mut CurvesRoom<'_>) {
+        let edge = |node: u32| edges[self.edge_of[node as usize] as usize];
         let kept = |&node: &u32| self.chains[self.chain_of[node as usize] as usize].label != NONE;
         let mut last = chain.first;
         for _ in 1..chain.count {
             last = self.links.linked(last, Way::Ahead);
         }
         let before = self.touched(chain.first, Way::Behind).filter(kept);
-        let after = if before.is_none() { self.touched(last, Way::Ahead).filter(kept) } else { None };
-        let parent = before.or(after).map_or(NONE, |node| self.chains[self.chain_of[node as usize] as usize].label);
+        let after = if before.is_none() {
+            self.touched(last, Way::Ahead).filter(kept)
+        } else {
+            None
+        };
+        let parent = before.or(after).map_or(NONE, |node| {
+            self.chains[self.chain_of[node as usize] as usize].label
+        });
 
         let first = room.points.len();
         let (mut node, own) = (chain.first, chain.count as usize);
-        let (ahead_of_own, behind_own) = (usize::from(before.is_some()), usize::from(after.is_some()));
+        let (ahead_of_own, behind_own) =
+            (usize::from(before.is_some()), usize::from(after.is_some()));
         let slots = room.points.grow(ahead_of_own + own + behind_own);
         for (i, slot) in slots.iter_mut().enumerate() {
             *slot = match (before, after) {

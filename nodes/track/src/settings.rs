@@ -3,21 +3,27 @@
 messages::settings! {
     /// How zero-crossings become curves.
     pub struct Settings {
-        /// Magnitude in gray levels per pixel a curve must exceed somewhere; automatic when not given.
+        /// Magnitude every curve exceeds somewhere, in the filter's units (gray levels per pixel); by default
+        /// automatic, three times the automatic `low`.
         pub high: Option<f32> = None, in 0..=255;
-        /// Magnitude in gray levels per pixel every point of a curve must exceed; automatic when not given.
+        /// Magnitude every point of a curve exceeds, in the filter's units (gray levels per pixel); by default
+        /// automatic: three times the noise as far as it can be told, at most a step of 1.5 gray levels seen at the
+        /// channel's scale.
         pub low: Option<f32> = None, in 0..=255;
-        /// Factor on the automatic thresholds: above 1 fewer and surer curves, below 1 more.
+        /// Factor on the automatic thresholds: more than 1 gives fewer and surer curves, for noisy cameras.
         pub strictness: f32 = 1.0, in 0.0..=100.0;
-        /// Degrees by which the orientations of successive points may differ.
-        pub tolerance_degrees: f32 = 40.0, in 0..=180;
-        /// Points a curve must have.
+        /// Degrees by which the orientations of successive points may differ. On sixteen real scenes at σ² = 1.5, 10
+        /// track 25 % of the zero-crossings, 40 track 51 %, 60 track 56 %, 90 track 57 %; from 40 to 60 the points
+        /// gained are found again in the next view more often (90 %) than the others.
+        pub tolerance_degrees: f32 = 60.0, in 0..=180;
+        /// Points a curve has at least.
         pub min_points: usize = 8, in 2..=100000;
     }
 }
 
 impl Settings {
-    /// The constants of the thesis, for magnitudes scaled to 0 … 255 of the largest in the picture.
+    /// The constants of the thesis: 64, 32, 10°, 32 points. Its thresholds are meant for magnitudes scaled to 0 … 255
+    /// of the largest in the picture.
     pub fn thesis() -> Self {
         Self {
             high: Some(64.0),

@@ -1,30 +1,55 @@
 //! The two thresholds of the hysteresis, from the frame's own gradient magnitudes.
+//!
+//! What a threshold must tell from edges is noise. Noise alone has gradients whose magnitudes follow Rayleigh's
+//! distribution; taking the weakest tenth of all magnitudes for noise gives its level in a quiet frame and too much
+//! in a textured one, where nothing is noise alone. So the automatic LOW is three times that level, held between two
+//! bounds that mean the same in every channel: the gradient of a step of [`MOST_STEP`] gray levels as the channel
+//! sees it, and half of that. On real scenes that upper bound is where half to three quarters of the zero-crossings
+//! are found again in the next view, in every channel. A tenth of some ten thousand magnitudes does not flicker.
 
 use crate::Settings;
 
-/// The thresholds a frame was tracked with, in gray levels per pixel.
+/// The thresholds a frame was tracked with, in the units of its magnitudes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Thresholds {
-    /// A curve exceeds it somewhere.
+    /// Every curve reaches it somewhere.
     pub high: f32,
-    /// A curve exceeds it everywhere.
+    /// Every point of a curve reaches it.
     pub low: f32,
 }
 
-/// HIGH is this many times LOW when both are automatic.
+/// HIGH is this many times LOW when it is automatic.
 pub const HIGH_OVER_LOW: f32 = 3.0;
 
+/// Steps of more gray levels than this are above LOW in every frame.
+pub const MOST_STEP: f32 = 1.5;
+
+/// LOW is this many times the standard deviation of the noise in each component of the gradient.
+const LOW_OVER_NOISE: f32 = 3.0;
+
+/// The share of the magnitudes, weakest first, that is taken for noise, …
+const NOISE_SHARE: f32 = 0.1;
+
+/// … and Rayleigh's quantile there, in standard deviations: √(−2 ln 0.9).
+const RAYLEIGH: f32 = 0.459;
+
 impl Thresholds {
-    /// The thresholds for a frame with these magnitudes.
-    pub fn new(settings: &Settings, magnitudes: &Histogram) -> Self {
-        let automatic = (0.35 * magnitudes.quantile(0.5)).clamp(0.05, 0.6) * settings.strictness;
+    /// The thresholds for a frame with these magnitudes, in a channel of this σ² in square pixels.
+    pub fn new(settings: &Settings, magnitudes: &Histogram, variance: f32) -> Self {
+        // A step of h, blurred by a Gaussian of σ, has the gradient h/(√2π σ).
+        let most = MOST_STEP / (std::f32::consts::TAU * variance).sqrt();
+        let noise = magnitudes.quantile(NOISE_SHARE) / RAYLEIGH;
+        let automatic = settings.strictness * (LOW_OVER_NOISE * noise).clamp(0.5 * most, most);
         let low = settings.low.unwrap_or(automatic);
         let high = settings.high.unwrap_or(HIGH_OVER_LOW * automatic);
-        Self { high, low: low.min(high) }
+        Self {
+            high,
+            low: low.min(high),
+        }
     }
 }
 
-/// How often each magnitude occurs, in bins of equal ratio.
+/// How often each magnitude occurs, in bins that are each a little wider than the one before.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     counts: [u32; Self::BINS],
@@ -32,27 +57,25 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Bins a doubling of the magnitude is divided into, as a power of two.
+    /// Bins that each doubling of the magnitude is divided into, as a power of two.
     const FINENESS: u32 = 4;
-    /// The exponent, as a float stores it, of the first bin's magnitude, 2⁻¹².
-    const FIRST: u32 = 127 - 12;
-    /// From 2⁻¹² to 2¹².
+    /// The first bin begins at 2⁻¹², …
+    const FIRST: u32 = (127 - 12) << Self::FINENESS;
+    /// … and the last ends at 2¹².
     const BINS: usize = 24 << Self::FINENESS;
 
     /// Without any magnitude.
-    pub fn new() -> Self {
-        Self { counts: [0; Self::BINS], total: 0 }
+    pub const fn new() -> Self {
+        Self {
+            counts: [0; Self::BINS],
+            total: 0,
+        }
     }
 
-    /// Forgets all magnitudes.
-    pub fn clear(&mut self) {
-        *self = Self::new();
-    }
-
-    /// Counts a magnitude; what lies outside the bins counts in the first or last.
+    /// Counts a magnitude; one beyond the bins counts in the first or last.
     pub fn add(&mut self, magnitude: f32) {
-        // The leading bits of a positive float are the floor of a piecewise linear logarithm.
-        let bin = (magnitude.to_bits() >> (23 - Self::FINENESS)).saturating_sub(Self::FIRST << Self::FINENESS);
+        // The leading bits of a positive float are a piecewise linear logarithm.
+        let bin = (magnitude.to_bits() >> (23 - Self::FINENESS)).saturating_sub(Self::FIRST);
         self.counts[(bin as usize).min(Self::BINS - 1)] += 1;
         self.total += 1;
     }
@@ -61,12 +84,12 @@ impl Histogram {
     pub fn quantile(&self, share: f32) -> f32 {
         let wanted = f64::from(share) * f64::from(self.total);
         let mut below = 0.0;
-        for (bin, &count) in (0u32..).zip(&self.counts) {
+        for (bin, &count) in (Self::FIRST..).zip(&self.counts) {
             let count = f64::from(count);
             if count > 0.0 && below + count >= wanted {
-                let edge = |bin: u32| f32::from_bits((bin + (Self::FIRST << Self::FINENESS)) << (23 - Self::FINENESS));
+                let start = |bin: u32| f32::from_bits(bin << (23 - Self::FINENESS));
                 let within = ((wanted - below) / count) as f32;
-                return edge(bin) + within * (edge(bin + 1) - edge(bin));
+                return start(bin) + within * (start(bin + 1) - start(bin));
             }
             below += count;
         }
