@@ -1,1 +1,37 @@
-//! Every topic into MCAP, and back out
+//! Every topic into MCAP, and back out.
+//!
+//! ```text
+//! samples of a scan ─► Encoder ─► Batch ─► WriterThread ─► art.mcap, art.1.mcap …
+//!                                                              │
+//!                       info, export, replay ◄─ Recording ◄────┘
+//! ```
+//!
+//! A scan is encoded on the node's thread, and compressed, written and flushed on another: when its
+//! [`Report`] comes back, no death of the process loses it. What a dead writer leaves behind is finished by
+//! [`seal`]; [`Recording`] reads it either way.
+
+mod batch;
+mod export;
+mod file;
+mod info;
+mod metadata;
+#[cfg(feature = "node")]
+pub mod node;
+mod parts;
+mod read;
+mod seal;
+mod settings;
+mod sink;
+mod thread;
+mod writer;
+
+pub use batch::{Batch, Encoder};
+pub use export::{CSV_HEADER, Export, ExportError, export};
+pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
+pub use metadata::{Metadata, MetadataError};
+pub use parts::part_path;
+pub use read::{ReadError, Recording, Scan};
+pub use seal::{SealError, Sealed, seal};
+pub use settings::{Compression, Settings};
+pub use thread::{Report, WriterThread, spawn};
+pub use writer::{WriteError, Writer, Written};

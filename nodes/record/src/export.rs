@@ -1,0 +1,241 @@
+//! A recording's results in the formats of other trades: CSV, PFM, PLY, PNG.
+
+mod pictures;
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use messages::{Disparity, Image, Kind, Owned, Points, Size, Topic};
+use thiserror::Error;
+
+use crate::{ReadError, Recording};
+
+/// Why an export failed. What it was about to write is not there.
+#[derive(Debug, Error)]
+pub enum ExportError {
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The file cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A picture cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: image::ImageError,
+    },
+    /// One file is to hold one scan, and there are several.
+    #[error("{what} holds one scan, and the recording has {held}; choose one with --scan")]
+    WhichScan {
+        /// The format.
+        what: &'static str,
+        /// The scans there are.
+        held: String,
+    },
+    /// There is no scan at all.
+    #[error("the recording holds no whole scan")]
+    NoScan,
+}
+
+/// What is to be exported.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Export {
+    /// The scan; without it all, where the format has room for them.
+    pub scan: Option<u64>,
+    /// Points, a line each.
+    pub csv: Option<PathBuf>,
+    /// The disparity picture of one scan.
+    pub pfm: Option<PathBuf>,
+    /// The points of one scan in metres.
+    pub ply: Option<PathBuf>,
+    /// The pictures of every view and channel.
+    pub png: Option<PathBuf>,
+}
+
+/// Exports, and gives the files written.
+///
+/// # Errors
+/// When the recording cannot be read or a file not written; a file is there whole or not at all.
+pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<PathBuf>, ExportError> {
+    let scans = match wanted.scan {
+        // That it is not there shows when it is read.
+        Some(scan) => vec![scan],
+        None => recording.whole_scans(),
+    };
+    if scans.is_empty() {
+        return Err(ExportError::NoScan);
+    }
+    let only = |what, recording: &Recording| match scans.as_slice() {
+        [scan] => Ok(*scan),
+        _ => Err(ExportError::WhichScan {
+            what,
+            held: recording.held(),
+        }),
+    };
+    let mut written = Vec::new();
+    if let Some(path) = &wanted.csv {
+        csv(recording, &scans, path)?;
+        written.push(path.clone());
+    }
+    if let Some(path) = &wanted.pfm {
+        pfm(recording, only("a PFM file", recording)?, path)?;
+        written.push(path.clone());
+    }
+    if let Some(path) = &wanted.ply {
+        ply(recording, only("a PLY file", recording)?, path)?;
+        written.push(path.clone());
+    }
+    if let Some(folder) = &wanted.png {
+        for scan in &scans {
+            written.extend(pictures::pictures(recording, *scan, folder)?);
+        }
+    }
+    Ok(written)
+}
+
+/// The first line of the CSV.
+pub const CSV_HEADER: &str = "scan,view,channel,curve,x,y,disparity,score,depth";
+
+/// Writes the points of these scans, a line each: x and y are pixels of the reference view, the channel is its σ².
+fn csv(recording: &mut Recording, scans: &[u64], path: &Path) -> Result<(), ExportError> {
+    let topic = topic(recording, Kind::Points);
+    let rig = recording.metadata().rig.clone();
+    let view = &rig.views[recording.codec().reference()].name;
+    whole(path, |file| {
+        let mut out = BufWriter::new(file);
+        let io = |source| ExportError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        writeln!(out, "{CSV_HEADER}").map_err(io)?;
+        for &scan in scans {
+            let points: Owned<Points> = recording.read(scan, &topic)?;
+            for p in points.view().points {
+                let channel = rig
+                    .channels
+                    .get(p.channel as usize)
+                    .copied()
+                    .unwrap_or(f32::NAN);
+                let (curve, u, v, d, score, z) = (p.curve, p.u, p.v, p.disparity, p.score, p.z);
+                writeln!(
+                    out,
+                    "{scan},{view},{channel},{curve},{u},{v},{d},{score},{z}"
+                )
+                .map_err(io)?;
+            }
+        }
+        out.flush().map_err(io)
+    })
+}
+
+/// Writes a disparity picture as Middlebury does: little endian, rows from the bottom, infinity where unknown.
+fn pfm(recording: &mut Recording, scan: u64, path: &Path) -> Result<(), ExportError> {
+    let topic = topic(recording, Kind::Disparity);
+    let picture: Owned<Disparity> = recording.read(scan, &topic)?;
+    let Size { width, height } = picture.header.size();
+    let mut bytes = format!("Pf\n{width} {height}\n-1\n").into_bytes();
+    for row in picture
+        .view()
+        .disparity
+        .chunks_exact((width as usize).max(1))
+        .rev()
+    {
+        let value = |d: &f32| if d.is_finite() { *d } else { f32::INFINITY };
+        bytes.extend(row.iter().flat_map(|d| value(d).to_le_bytes()));
+    }
+    whole(path, |file| {
+        file.write_all(&bytes).map_err(|source| ExportError::Io {
+            path: path.to_owned(),
+            source,
+        })
+    })
+}
+
+/// Writes the points in metres in the reference camera's optical frame, with the gray level of the reference view.
+fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<(), ExportError> {
+    let points = topic(recording, Kind::Points);
+    let reference = recording.codec().reference();
+    let images = Topic::of(&recording.metadata().rig, Kind::Image);
+    let names = [&points.name, &images[reference].name];
+    let read = recording.scan_of(scan, |name| names.iter().any(|n| *n == name))?;
+    let image: Owned<Image> = read.decode(recording.codec(), &images[reference])?;
+    let points: Owned<Points> = read.decode(recording.codec(), &points)?;
+
+    let rig = &recording.metadata().rig;
+    let size = image.header.size();
+    let camera = rig.calibration(size);
+    let units = match camera.calibrated {
+        true => "calibrated: metres",
+        false => "not calibrated: metres up to one unknown factor",
+    };
+    let count = points.view().points.len();
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\n\
+         comment tricurve {}, scan {scan}\n\
+         comment {units}; f {} px, c ({}, {}), b {} m\n\
+         comment optical frame of view {}: x right, y down, z forward\n\
+         element vertex {count}\n\
+         property float x\nproperty float y\nproperty float z\n\
+         property float disparity\nproperty float score\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\n\
+         end_header\n",
+        recording.metadata().version,
+        camera.focal_px,
+        camera.cx,
+        camera.cy,
+        camera.baseline_m,
+        rig.views[reference].name,
+    )
+    .into_bytes();
+    for p in points.view().points {
+        let gray = pictures::gray_at(image.view().pixels, size, p.u, p.v);
+        bytes.extend(
+            [p.x, p.y, p.z, p.disparity, p.score]
+                .into_iter()
+                .flat_map(f32::to_le_bytes),
+        );
+        bytes.extend([gray; 3]);
+    }
+    whole(path, |file| {
+        file.write_all(&bytes).map_err(|source| ExportError::Io {
+            path: path.to_owned(),
+            source,
+        })
+    })
+}
+
+/// The one topic of a kind that has one.
+fn topic(recording: &Recording, kind: Kind) -> Topic {
+    Topic::of(&recording.metadata().rig, kind).swap_remove(0)
+}
+
+/// Writes a file beside its place and moves it there: it is whole, or it is not there.
+fn whole(
+    path: &Path,
+    write: impl FnOnce(&mut File) -> Result<(), ExportError>,
+) -> Result<(), ExportError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let beside = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
+    let io = |source| ExportError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let mut file = File::create(&beside).map_err(io)?;
+    let written = write(&mut file)
+        .and_then(|()| file.sync_all().map_err(io))
+        .and_then(|()| fs::rename(&beside, path).map_err(io));
+    if written.is_err() {
+        // What stays behind if even that fails is named after what it is.
+        drop(fs::remove_file(&beside));
+    }
+    written
+}

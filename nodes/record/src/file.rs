@@ -1,0 +1,450 @@
+//! What an MCAP file holds, finished or not: by its index where it has one, else from record to record.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::{ControlFlow, Range};
+
+use mcap::records::{self, MessageHeader, Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+use mcap::{MAGIC, McapError, parse_record};
+
+/// Opcode and length in front of every record.
+pub(crate) const RECORD_HEAD: u64 = 1 + 8;
+/// No record of a scan is longer, whatever a damaged file says.
+const LONGEST_RECORD: usize = 2 << 30;
+/// Records outside of chunks are small: metadata at most.
+const LONGEST_SMALL_RECORD: u64 = 256 << 20;
+
+/// A kind of message, as a file says it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct FileSchema {
+    pub(crate) name: String,
+    pub(crate) encoding: String,
+    pub(crate) data: Vec<u8>,
+}
+
+/// Everything a file holds but its messages.
+#[derive(Debug, Default)]
+pub(crate) struct Contents {
+    pub(crate) library: String,
+    pub(crate) schemas: BTreeMap<u16, FileSchema>,
+    pub(crate) channels: BTreeMap<u16, records::Channel>,
+    /// In the order they stand.
+    pub(crate) chunks: Vec<records::ChunkIndex>,
+    pub(crate) metadata: Vec<(records::MetadataIndex, records::Metadata)>,
+    pub(crate) counts: BTreeMap<u16, u64>,
+    /// Whether the file ends as it should.
+    pub(crate) is_finished: bool,
+    /// Where what is whole ends; what comes after is torn, or the file's own index.
+    pub(crate) whole_until: u64,
+    /// Message indexes of the last chunk, of an unfinished file: they may be torn and are made again.
+    pub(crate) last_indexes: Vec<records::MessageIndex>,
+}
+
+impl Contents {
+    /// Looks into a file; `None` when it is not MCAP.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub(crate) fn of(file: &mut File) -> io::Result<Option<Self>> {
+        let len = file.seek(SeekFrom::End(0))?;
+        let mut magic = [0; MAGIC.len()];
+        file.rewind()?;
+        if len < MAGIC.len() as u64 || !file.read_exact(&mut magic).is_ok_and(|()| magic == *MAGIC)
+        {
+            return Ok(None);
+        }
+        match Self::from_summary(file, len)? {
+            Some(contents) => Ok(Some(contents)),
+            None => Self::from_records(file, len).map(Some),
+        }
+    }
+
+    /// By the file's own index; `None` when it has none, or one that leaves out what is needed.
+    fn from_summary(file: &mut File, len: u64) -> io::Result<Option<Self>> {
+        let options = SummaryReaderOptions::default().with_file_size(len);
+        let mut reader = SummaryReader::new_with_options(options);
+        while let Some(event) = reader.next_event() {
+            match event {
+                Ok(SummaryReadEvent::ReadRequest(n)) => {
+                    let read = file.read(reader.insert(n))?;
+                    reader.notify_read(read);
+                }
+                Ok(SummaryReadEvent::SeekRequest(to)) => reader.notify_seeked(file.seek(to)?),
+                Err(_) => return Ok(None),
+            }
+        }
+        let Some(summary) = reader.finish() else {
+            return Ok(None);
+        };
+        let Some(stats) = summary.stats else {
+            return Ok(None);
+        };
+        let tells_all = summary.channels.len() == stats.channel_count as usize
+            && summary.chunk_indexes.len() == stats.chunk_count as usize
+            && summary.metadata_indexes.len() == stats.metadata_count as usize
+            && (stats.message_count == 0 || stats.chunk_count > 0);
+        if !tells_all {
+            return Ok(None);
+        }
+        let mut contents = Self {
+            is_finished: true,
+            whole_until: len,
+            ..Self::default()
+        };
+        if let Ok(Some(Record::Header(header))) = record_at(file, MAGIC.len() as u64, len) {
+            contents.library = header.library;
+        }
+        contents.schemas = summary
+            .schemas
+            .values()
+            .map(|s| {
+                let (name, encoding) = (s.name.clone(), s.encoding.clone());
+                (
+                    s.id,
+                    FileSchema {
+                        name,
+                        encoding,
+                        data: s.data.to_vec(),
+                    },
+                )
+            })
+            .collect();
+        contents.channels = summary
+            .channels
+            .values()
+            .map(|c| {
+                (
+                    c.id,
+                    records::Channel {
+                        id: c.id,
+                        schema_id: c.schema.as_ref().map_or(0, |schema| schema.id),
+                        topic: c.topic.clone(),
+                        message_encoding: c.message_encoding.clone(),
+                        metadata: c.metadata.clone(),
+                    },
+                )
+            })
+            .collect();
+        contents.chunks = summary.chunk_indexes;
+        contents
+            .chunks
+            .sort_by_key(|chunk| chunk.chunk_start_offset);
+        contents.counts = stats.channel_message_counts;
+        for index in summary.metadata_indexes {
+            if let Some(Record::Metadata(metadata)) = record_at(file, index.offset, len)? {
+                contents.metadata.push((index, metadata));
+            }
+        }
+        Ok(Some(contents))
+    }
+
+    /// From record to record, up to where the file is torn.
+    fn from_records(file: &mut File, len: u64) -> io::Result<Self> {
+        let mut contents = Self {
+            whole_until: MAGIC.len() as u64,
+            ..Self::default()
+        };
+        let mut counted: Vec<BTreeMap<u16, u64>> = Vec::new();
+        loop {
+            let start = contents.whole_until;
+            let Some((opcode, body)) = head_at(file, start, len)? else {
+                break;
+            };
+            let length = body.end - start;
+            match opcode {
+                op::DATA_END | op::FOOTER => break,
+                op::CHUNK => {
+                    let Some(index) = chunk_index(file, start, length)? else {
+                        break;
+                    };
+                    contents.chunks.push(index);
+                    counted.push(BTreeMap::new());
+                }
+                op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::MESSAGE_INDEX => {
+                    match record_at(file, start, len)? {
+                        Some(Record::Header(header)) => contents.library = header.library,
+                        Some(Record::Metadata(metadata)) => {
+                            let name = metadata.name.clone();
+                            let index = records::MetadataIndex {
+                                offset: start,
+                                length,
+                                name,
+                            };
+                            contents.metadata.push((index, metadata));
+                        }
+                        Some(Record::MessageIndex(index)) => {
+                            if let (Some(chunk), Some(counts)) =
+                                (contents.chunks.last_mut(), counted.last_mut())
+                            {
+                                chunk.message_index_offsets.insert(index.channel_id, start);
+                                chunk.message_index_length += length;
+                                counts.insert(index.channel_id, index.records.len() as u64);
+                            }
+                        }
+                        Some(record) => contents.define(&record),
+                        None => break,
+                    }
+                }
+                _ => {}
+            }
+            contents.whole_until = body.end;
+        }
+        contents.look_into_chunks(file, counted)?;
+        Ok(contents)
+    }
+
+    /// Reads those chunks whose message indexes do not tell everything: the first, for the channels it defines, and
+    /// the last, which must be good; what follows the last good chunk is cut.
+    fn look_into_chunks(
+        &mut self,
+        file: &mut File,
+        mut counted: Vec<BTreeMap<u16, u64>>,
+    ) -> io::Result<()> {
+        while let Some(last) = self.chunks.last_mut() {
+            let end = last.chunk_start_offset + last.chunk_length;
+            if let Ok(chunk) = Chunk::load(file, last) {
+                last.message_index_offsets.clear();
+                last.message_index_length = 0;
+                self.last_indexes = chunk.message_indexes();
+                let counts = self
+                    .last_indexes
+                    .iter()
+                    .map(|i| (i.channel_id, i.records.len() as u64));
+                counted.pop();
+                counted.push(counts.collect());
+                // Nothing but metadata follows the last chunk's indexes, and that says what a run ended with.
+                let is_before = |(index, _): &(records::MetadataIndex, _)| index.offset < end;
+                self.metadata.retain(is_before);
+                self.whole_until = end;
+                break;
+            }
+            self.whole_until = last.chunk_start_offset;
+            self.chunks.pop();
+            counted.pop();
+            let end = self.whole_until;
+            self.metadata.retain(|(index, _)| index.offset < end);
+        }
+        for (index, counts) in self.chunks.clone().iter().zip(&mut counted) {
+            let is_known = counts
+                .keys()
+                .all(|channel| self.channels.contains_key(channel));
+            if counts.is_empty() || !is_known {
+                let Ok(chunk) = Chunk::load(file, index) else {
+                    continue;
+                };
+                chunk
+                    .definitions
+                    .iter()
+                    .for_each(|record| self.define(record));
+                if counts.is_empty() {
+                    for (header, _) in &chunk.messages {
+                        *counts.entry(header.channel_id).or_default() += 1;
+                    }
+                }
+            }
+        }
+        for (channel, count) in counted.iter().flatten() {
+            *self.counts.entry(*channel).or_default() += count;
+        }
+        // Of the last chunk the indexes' places are not known before they are written: the channels are.
+        if let (Some(last), Some(counts)) = (self.chunks.last_mut(), counted.last()) {
+            last.message_index_offsets = counts.keys().map(|channel| (*channel, 0)).collect();
+        }
+        Ok(())
+    }
+
+    fn define(&mut self, record: &Record<'_>) {
+        match record {
+            Record::Schema { header, data } => {
+                let (name, encoding) = (header.name.clone(), header.encoding.clone());
+                let schema = FileSchema {
+                    name,
+                    encoding,
+                    data: data.to_vec(),
+                };
+                self.schemas.insert(header.id, schema);
+            }
+            Record::Channel(channel) => {
+                self.channels.insert(channel.id, channel.clone());
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Opcode and body of the record at this place; `None` where there is no whole record.
+fn head_at(file: &mut File, start: u64, len: u64) -> io::Result<Option<(u8, Range<u64>)>> {
+    let mut head = [0; RECORD_HEAD as usize];
+    if len.saturating_sub(start) < RECORD_HEAD {
+        return Ok(None);
+    }
+    file.seek(SeekFrom::Start(start))?;
+    file.read_exact(&mut head)?;
+    let [opcode, length @ ..] = head;
+    let body = start + RECORD_HEAD;
+    let end = body
+        .checked_add(u64::from_le_bytes(length))
+        .filter(|end| *end <= len);
+    Ok(end.filter(|_| opcode != 0).map(|end| (opcode, body..end)))
+}
+
+/// The small record at this place; `None` where there is no whole and sound one.
+fn record_at(file: &mut File, start: u64, len: u64) -> io::Result<Option<Record<'static>>> {
+    let Some((opcode, body)) = head_at(file, start, len)? else {
+        return Ok(None);
+    };
+    if body.end - body.start > LONGEST_SMALL_RECORD {
+        return Ok(None);
+    }
+    let mut bytes = vec![0; (body.end - body.start) as usize];
+    file.read_exact(&mut bytes)?;
+    Ok(parse_record(opcode, &bytes).ok().map(Record::into_owned))
+}
+
+/// The index of the chunk at this place; `None` when its header is not sound.
+fn chunk_index(
+    file: &mut File,
+    start: u64,
+    length: u64,
+) -> io::Result<Option<records::ChunkIndex>> {
+    // The header with the longest name of a compression there is.
+    let mut bytes = vec![0; (length - RECORD_HEAD).min(64) as usize];
+    file.seek(SeekFrom::Start(start + RECORD_HEAD))?;
+    file.read_exact(&mut bytes)?;
+    let header: Result<records::ChunkHeader, _> =
+        binrw::BinRead::read_le(&mut io::Cursor::new(&bytes));
+    let Ok(header) = header else { return Ok(None) };
+    let head = 8 + 8 + 8 + 4 + 4 + header.compression.len() as u64 + 8;
+    if head.checked_add(header.compressed_size) != Some(length - RECORD_HEAD) {
+        return Ok(None);
+    }
+    Ok(Some(records::ChunkIndex {
+        message_start_time: header.message_start_time,
+        message_end_time: header.message_end_time,
+        chunk_start_offset: start,
+        chunk_length: length,
+        message_index_offsets: BTreeMap::new(),
+        message_index_length: 0,
+        compression: header.compression,
+        compressed_size: header.compressed_size,
+        uncompressed_size: header.uncompressed_size,
+    }))
+}
+
+/// A chunk's records, decompressed and checked.
+#[derive(Debug, Default)]
+pub(crate) struct Chunk {
+    pub(crate) bytes: Vec<u8>,
+    /// Header, and where in the bytes the message lies.
+    pub(crate) messages: Vec<(MessageHeader, Range<usize>)>,
+    /// Schemas and channels.
+    definitions: Vec<Record<'static>>,
+    /// For each message where in the chunk its record starts.
+    offsets: Vec<u64>,
+}
+
+impl Chunk {
+    pub(crate) fn load(file: &mut File, index: &records::ChunkIndex) -> Result<Self, McapError> {
+        let mut chunk = Self::default();
+        let mut offset = 0;
+        visit(file, index, |opcode, body| {
+            match opcode {
+                op::MESSAGE => {
+                    let header: MessageHeader =
+                        binrw::BinRead::read_le(&mut io::Cursor::new(body))?;
+                    let start = chunk.bytes.len();
+                    chunk.bytes.extend_from_slice(&body[MESSAGE_HEAD..]);
+                    chunk.messages.push((header, start..chunk.bytes.len()));
+                    chunk.offsets.push(offset);
+                }
+                op::SCHEMA | op::CHANNEL => {
+                    chunk
+                        .definitions
+                        .push(parse_record(opcode, body)?.into_owned());
+                }
+                _ => {}
+            }
+            offset += RECORD_HEAD + body.len() as u64;
+            Ok(ControlFlow::Continue(()))
+        })?;
+        Ok(chunk)
+    }
+
+    fn message_indexes(&self) -> Vec<records::MessageIndex> {
+        let mut by_channel: BTreeMap<u16, Vec<records::MessageIndexEntry>> = BTreeMap::new();
+        for ((header, _), offset) in self.messages.iter().zip(&self.offsets) {
+            let entry = records::MessageIndexEntry {
+                log_time: header.log_time,
+                offset: *offset,
+            };
+            by_channel.entry(header.channel_id).or_default().push(entry);
+        }
+        let index = |(channel_id, records)| records::MessageIndex {
+            channel_id,
+            records,
+        };
+        by_channel.into_iter().map(index).collect()
+    }
+}
+
+/// Channel, sequence and the two times in front of every message.
+const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
+
+/// The scan of a chunk's first message, without decompressing more than its beginning.
+pub(crate) fn first_sequence(
+    file: &mut File,
+    index: &records::ChunkIndex,
+) -> Result<Option<u32>, McapError> {
+    let mut sequence = None;
+    visit(file, index, |opcode, body| {
+        if opcode != op::MESSAGE {
+            return Ok(ControlFlow::Continue(()));
+        }
+        let header: MessageHeader = binrw::BinRead::read_le(&mut io::Cursor::new(body))?;
+        sequence = Some(header.sequence);
+        Ok(ControlFlow::Break(()))
+    })?;
+    Ok(sequence)
+}
+
+/// Shows all records of a chunk, and checks it when all were seen.
+fn visit(
+    file: &mut File,
+    index: &records::ChunkIndex,
+    mut see: impl FnMut(u8, &[u8]) -> Result<ControlFlow<()>, McapError>,
+) -> Result<(), McapError> {
+    let longest = usize::try_from(index.uncompressed_size).map_or(LONGEST_RECORD, |size| {
+        size.max(index.chunk_length as usize).min(LONGEST_RECORD)
+    });
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_validate_chunk_crcs(true)
+        .with_record_length_limit(longest);
+    let mut reader = LinearReader::new_with_options(options);
+    file.seek(SeekFrom::Start(index.chunk_start_offset))?;
+    let mut rest = index.chunk_length;
+    while let Some(event) = reader.next_event() {
+        match event? {
+            LinearReadEvent::ReadRequest(n) => {
+                let n = n.min(usize::try_from(rest).unwrap_or(n));
+                let read = file.read(reader.insert(n))?;
+                reader.notify_read(read);
+                rest -= read as u64;
+            }
+            LinearReadEvent::Record { data, opcode } => {
+                // Every message has its head.
+                if opcode == op::MESSAGE && data.len() < MESSAGE_HEAD {
+                    return Err(McapError::UnexpectedEoc);
+                }
+                if see(opcode, data)?.is_break() {
+                    return Ok(());
+                }
+            }
+        }
+    }
+    Ok(())
+}

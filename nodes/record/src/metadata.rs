@@ -1,0 +1,196 @@
+//! What a recording says about itself, before its first message.
+
+use std::collections::BTreeMap;
+
+use mcap::records;
+use messages::Rig;
+use messages::ledger::Ledger;
+use thiserror::Error;
+
+/// The name of the metadata record.
+pub(crate) const NAME: &str = "tricurve";
+/// The name of the record with the ledger, at the end.
+pub(crate) const LEDGER: &str = "tricurve.ledger";
+/// What this program writes and reads.
+const FORMAT: &str = "1";
+
+/// What a recording says about itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Metadata {
+    /// Version and build of the program.
+    pub version: String,
+    /// The graph, as its file or as Mermaid.
+    pub graph: String,
+    /// The effective configuration.
+    pub configuration: serde_json::Value,
+    /// Views, channels, calibration, largest image.
+    pub rig: Rig,
+    /// Index of the view that disparities and points belong to.
+    pub reference: usize,
+    /// Where the scans come from.
+    pub source: String,
+    /// The scans' names, where they have some.
+    pub scans: Vec<String>,
+}
+
+/// What tells the parts of one recording from those of another.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Identity {
+    pub(crate) recording: String,
+    pub(crate) part: u32,
+}
+
+/// Why a recording's metadata says nothing.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum MetadataError {
+    /// A key is not there.
+    #[error("its metadata does not say its {0}")]
+    Missing(&'static str),
+    /// A key's value is not what it should be.
+    #[error("its metadata's {0} is not readable")]
+    Unreadable(&'static str),
+    /// A later program wrote it.
+    #[error("it is written in format {0}, and this program reads format {FORMAT}; use a newer one")]
+    Format(String),
+}
+
+impl Metadata {
+    pub(crate) fn to_record(&self, identity: &Identity) -> records::Metadata {
+        let calibrated = self.rig.calibration.is_some_and(|camera| camera.calibrated);
+        let reference = self.rig.views.get(self.reference);
+        let pairs = [
+            ("format", FORMAT.to_owned()),
+            ("version", self.version.clone()),
+            ("graph", self.graph.clone()),
+            ("configuration", self.configuration.to_string()),
+            ("rig", json(&self.rig)),
+            (
+                "reference",
+                reference.map_or(String::new(), |view| view.name.clone()),
+            ),
+            ("source", self.source.clone()),
+            ("scans", json(&self.scans)),
+            ("calibrated", calibrated.to_string()),
+            ("recording", identity.recording.clone()),
+            ("part", identity.part.to_string()),
+        ];
+        let pairs = pairs.map(|(key, value)| (key.to_owned(), value));
+        records::Metadata {
+            name: NAME.to_owned(),
+            metadata: BTreeMap::from(pairs),
+        }
+    }
+
+    pub(crate) fn from_record(
+        record: &records::Metadata,
+    ) -> Result<(Self, Identity), MetadataError> {
+        let text = |key: &'static str| {
+            record
+                .metadata
+                .get(key)
+                .cloned()
+                .ok_or(MetadataError::Missing(key))
+        };
+        let format = text("format")?;
+        if format != FORMAT {
+            return Err(MetadataError::Format(format));
+        }
+        let rig: Rig = parse("rig", &text("rig")?)?;
+        let name = text("reference")?;
+        let reference = rig.views.iter().position(|view| view.name == name);
+        let metadata = Self {
+            version: text("version")?,
+            graph: text("graph")?,
+            configuration: parse("configuration", &text("configuration")?)?,
+            reference: reference.ok_or(MetadataError::Unreadable("reference"))?,
+            source: text("source")?,
+            scans: parse("scans", &text("scans")?)?,
+            rig,
+        };
+        let part = text("part")?
+            .parse()
+            .map_err(|_| MetadataError::Unreadable("part"))?;
+        Ok((
+            metadata,
+            Identity {
+                recording: text("recording")?,
+                part,
+            },
+        ))
+    }
+}
+
+/// The ledger's record.
+pub(crate) fn ledger_record(ledger: &Ledger) -> records::Metadata {
+    let metadata = BTreeMap::from([("ledger".to_owned(), json(ledger))]);
+    records::Metadata {
+        name: LEDGER.to_owned(),
+        metadata,
+    }
+}
+
+/// The ledger in its record.
+pub(crate) fn ledger(record: &records::Metadata) -> Option<Ledger> {
+    serde_json::from_str(record.metadata.get("ledger")?).ok()
+}
+
+fn json(value: &impl serde::Serialize) -> String {
+    // Plain data: nothing in it can fail to serialize.
+    serde_json::to_string(value).unwrap_or_default()
+}
+
+fn parse<T: serde::de::DeserializeOwned>(
+    key: &'static str,
+    text: &str,
+) -> Result<T, MetadataError> {
+    serde_json::from_str(text).map_err(|_| MetadataError::Unreadable(key))
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
+    use super::*;
+    use messages::Size;
+
+    fn metadata() -> Metadata {
+        Metadata {
+            version: "0.1.0".to_owned(),
+            graph: "graph LR".to_owned(),
+            configuration: serde_json::json!({ "filter": { "channels": [30.0] } }),
+            rig: Rig::of_views(3, &[30.0, 1.5], Size::new(64, 48)),
+            reference: 1,
+            source: "scene:tab".to_owned(),
+            scans: vec!["tab".to_owned()],
+        }
+    }
+
+    #[test]
+    fn metadata_comes_back() {
+        let identity = Identity {
+            recording: "a1".to_owned(),
+            part: 2,
+        };
+        let record = metadata().to_record(&identity);
+        assert_eq!(
+            Metadata::from_record(&record).unwrap(),
+            (metadata(), identity)
+        );
+        assert_eq!(record.metadata["calibrated"], "false");
+    }
+
+    #[test]
+    fn what_is_missing_or_strange_is_named() {
+        let mut record = metadata().to_record(&Identity::default());
+        record.metadata.insert("rig".to_owned(), "{}".to_owned());
+        let error = Metadata::from_record(&record).unwrap_err();
+        assert_eq!(error, MetadataError::Unreadable("rig"));
+        record.metadata.remove("rig");
+        assert_eq!(
+            Metadata::from_record(&record).unwrap_err(),
+            MetadataError::Missing("rig")
+        );
+        record.metadata.insert("format".to_owned(), "9".to_owned());
+        let error = Metadata::from_record(&record).unwrap_err().to_string();
+        assert!(error.contains("format 9"), "{error}");
+    }
+}

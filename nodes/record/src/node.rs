@@ -1,0 +1,258 @@
+//! The shell on the bus: `all topics ─► record ─► MCAP`, a scan at a time.
+
+use std::cell::OnceCell;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use messages::bus::{self, Bell, Bus, BusError, Finisher, Joined, Log, NodeReport, Request, Start};
+use messages::ledger::{Ledger, Seen};
+use messages::record::Level;
+use messages::{Header, Kind};
+
+use crate::{
+    Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread, seal,
+    spawn,
+};
+
+/// Why recording failed.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// An unfinished part cannot be finished.
+    #[error(transparent)]
+    Seal(#[from] SealError),
+    /// The system gives no thread.
+    #[error("cannot start the writer's thread: {0}")]
+    Thread(std::io::Error),
+}
+
+/// How often the ledger goes into the recording.
+const LEDGER_EVERY: Duration = Duration::from_secs(1);
+
+/// Records every scan of which all topics have come, until told to stop.
+///
+/// # Errors
+/// When the bus fails, a message is damaged, or the file cannot be written; what was written stays readable.
+pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), RecordError> {
+    let mut scans = bus.joins(&Kind::ALL)?;
+    let mut heard = bus.hear_reports()?;
+    let done = bus.finisher()?;
+    let metadata = metadata(bus, start);
+    let encoder = Encoder::new(&metadata.rig, metadata.reference, &settings);
+    let writer = open(bus, &settings, &metadata, &encoder, start)?;
+    let path = writer.path().to_owned();
+    let thread = spawn(writer, notify(bus)).map_err(RecordError::Thread)?;
+    let mut recorder = Recorder::new(encoder, thread, done, start.resume.done_below);
+    bus.ready()?;
+    let mut ending = None;
+    let result = loop {
+        if let Err(error) = recorder.hear_writer(bus) {
+            break Err(error);
+        }
+        while let Some(text) = heard.receive()? {
+            recorder.hear_node(&text);
+        }
+        if let Some(scan) = bus.scan_now(&mut scans)? {
+            recorder.take(bus, &scan)?;
+            continue;
+        }
+        if ending.is_some() && recorder.under_way.is_empty() {
+            break Ok(());
+        }
+        if let Some(Request::Stop(ledger)) = bus.request(Duration::from_secs(1))? {
+            ending = Some(ledger);
+        }
+    };
+    if let Err(error) = result {
+        // What was flushed gets its index and its end, where the disk allows.
+        drop(recorder.thread.finish(None));
+        drop(seal(&path));
+        return Err(error);
+    }
+    let ledger = ending.flatten().map(|mut ledger| {
+        ledger
+            .nodes
+            .insert("record".to_owned(), bus.report(&[]).topics);
+        *ledger
+    });
+    let recorded = recorder.thread.finish(ledger.as_ref())?;
+    bus.finish(&[("bytes", recorded.bytes)]);
+    Ok(())
+}
+
+fn metadata(bus: &Bus, start: &Start) -> Metadata {
+    let setting = |node: &str, key: &str| {
+        start
+            .configuration
+            .get(node)?
+            .get(key)?
+            .as_str()
+            .map(str::to_owned)
+    };
+    let rig = bus.run().rig.clone();
+    let reference = setting("match", "reference");
+    let reference = rig
+        .views
+        .iter()
+        .position(|view| Some(&view.name) == reference.as_ref());
+    Metadata {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        graph: start.graph.clone(),
+        configuration: start.configuration.clone(),
+        reference: reference.unwrap_or_default(),
+        source: setting("capture", "source").unwrap_or_default(),
+        scans: start.scans.clone(),
+        rig,
+    }
+}
+
+/// Begins the recording, or goes on with it in its next part after a recorder that died.
+fn open(
+    bus: &Bus,
+    settings: &Settings,
+    metadata: &Metadata,
+    encoder: &Encoder,
+    start: &Start,
+) -> Result<Writer, WriteError> {
+    let path = Path::new(&settings.file);
+    if start.life == 0 {
+        return Writer::create(path, settings.overwrite, metadata, encoder, settings);
+    }
+    let (writer, sealed) = Writer::resume(path, metadata, encoder, settings)?;
+    for part in sealed.iter().filter(|part| !part.was_finished) {
+        let (messages, cut) = (part.messages, part.cut_bytes);
+        let text = format!(
+            "finished the part of a dead recorder: {messages} messages kept, {cut} torn bytes cut"
+        );
+        bus.log(bus::Level::Info, text);
+    }
+    Ok(writer)
+}
+
+thread_local! {
+    /// The bell of the node's inbox, as the writer's thread has it.
+    static BELL: OnceCell<Option<Bell>> = const { OnceCell::new() };
+}
+
+/// Rings this node's inbox from the writer's thread.
+fn notify(bus: &Bus) -> impl FnMut() + Send + 'static + use<> {
+    let (run, name) = (bus.run().clone(), bus.name().to_owned());
+    move || {
+        BELL.with(|bell| {
+            let bell = bell.get_or_init(|| Bus::own_bell(&run, &name).ok());
+            bell.iter().for_each(Bell::ring);
+        });
+    }
+}
+
+struct Recorder {
+    encoder: Encoder,
+    thread: WriterThread,
+    done: Finisher,
+    /// Batches to be used again.
+    spare: Vec<Batch>,
+    /// Scans handed to the writer, and what encoding each took.
+    under_way: BTreeMap<u64, Duration>,
+    /// Scans written and flushed.
+    flushed: Seen,
+    /// What the nodes said since the last scan.
+    log: Vec<Log>,
+    ledger: Ledger,
+    next_ledger: Instant,
+}
+
+impl Recorder {
+    fn new(encoder: Encoder, thread: WriterThread, done: Finisher, done_below: u64) -> Self {
+        let mut flushed = Seen::default();
+        flushed.advance(done_below);
+        Self {
+            encoder,
+            thread,
+            done,
+            flushed,
+            spare: Vec::new(),
+            under_way: BTreeMap::new(),
+            log: Vec::new(),
+            ledger: Ledger::default(),
+            next_ledger: Instant::now() + LEDGER_EVERY,
+        }
+    }
+
+    /// Takes a whole scan in: encodes it and hands it to the writer.
+    fn take(&mut self, bus: &Bus, scan: &Joined) -> Result<(), BusError> {
+        if self.flushed.contains(scan.sequence) {
+            // Whoever asks again has not heard that it is done.
+            return self.done.done(scan.sequence);
+        }
+        if self.under_way.contains_key(&scan.sequence) {
+            return Ok(());
+        }
+        let began = Instant::now();
+        let headers: Vec<Header> = scan
+            .messages()
+            .iter()
+            .map(|message| message.header())
+            .collect();
+        let mut views = Vec::with_capacity(headers.len());
+        for (header, message) in headers.iter().zip(scan.messages()) {
+            views.push((header, message.any_view()?));
+        }
+        let mut batch = self.spare.pop().unwrap_or_default();
+        self.encoder.encode(&views, &mut batch);
+        for Log { level, node, text } in self.log.drain(..) {
+            self.encoder.log(level_of(level), &node, &text, &mut batch);
+        }
+        if self.next_ledger <= Instant::now() {
+            self.next_ledger = Instant::now() + LEDGER_EVERY;
+            self.ledger
+                .nodes
+                .insert(bus.name().to_owned(), bus.report(&[]).topics);
+            self.encoder.ledger(&self.ledger, &mut batch);
+        }
+        self.thread.write(batch);
+        self.under_way.insert(scan.sequence, began.elapsed());
+        Ok(())
+    }
+
+    /// Takes in what a node reported or said.
+    fn hear_node(&mut self, text: &str) {
+        if let Ok(report) = serde_json::from_str::<NodeReport>(text) {
+            self.ledger.nodes.insert(report.node, report.topics);
+        } else if let Ok(log) = serde_json::from_str::<Log>(text) {
+            self.log.push(log);
+        }
+    }
+
+    /// Says which scans are written and flushed.
+    fn hear_writer(&mut self, bus: &Bus) -> Result<(), RecordError> {
+        while let Ok(report) = self.thread.reports().try_recv() {
+            let Report {
+                sequence,
+                result,
+                batch,
+                duration,
+            } = report;
+            result?;
+            self.spare.push(batch);
+            let encoding = self.under_way.remove(&sequence).unwrap_or_default();
+            bus.spent(encoding + duration);
+            self.flushed.insert(sequence);
+            self.done.done(sequence)?;
+        }
+        Ok(())
+    }
+}
+
+fn level_of(level: bus::Level) -> Level {
+    match level {
+        bus::Level::Info => Level::Info,
+        bus::Level::Warn => Level::Warning,
+        bus::Level::Error => Level::Error,
+    }
+}

@@ -1,0 +1,526 @@
+//! Reads a recording: all its parts as one, finished or not.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::{self, Read};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use mcap::records::ChunkIndex;
+use messages::ledger::Ledger;
+use messages::record::{Codec, DecodeError, Recorded};
+use messages::{Owned, Topic};
+use thiserror::Error;
+
+use crate::Metadata;
+use crate::file::{Chunk, Contents, FileSchema, first_sequence};
+use crate::metadata::{Identity, LEDGER, MetadataError, NAME, ledger};
+use crate::parts::{count, part_path};
+
+/// Why a recording cannot be read.
+#[derive(Debug, Error)]
+pub enum ReadError {
+    /// It cannot be opened or read.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// There is nothing in it.
+    #[error("{} is empty: its writer ended before the first scan", .0.display())]
+    Empty(PathBuf),
+    /// It is not MCAP.
+    #[error("{} is not an MCAP file", .0.display())]
+    NotMcap(PathBuf),
+    /// Another program's recording.
+    #[error(
+        "{} is an MCAP file of another program ({library}), not a recording of tricurve; its topics: {topics}",
+        path.display()
+    )]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// The program, as the file names it.
+        library: String,
+        /// Its topics.
+        topics: String,
+    },
+    /// It does not say what is needed to read it.
+    #[error("cannot read {}: {source}", path.display())]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is missing.
+        source: MetadataError,
+    },
+    /// What it holds is damaged.
+    #[error("{} is damaged at byte {offset}: {source}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        offset: u64,
+        /// What is wrong.
+        source: mcap::McapError,
+    },
+    /// There is no such scan.
+    #[error("there is no scan {scan} in the recording; it holds {held}")]
+    NoScan {
+        /// The scan.
+        scan: u64,
+        /// Which there are.
+        held: String,
+    },
+    /// A scan has no message of this topic.
+    #[error("scan {scan} has no {topic}")]
+    NoMessage {
+        /// The scan.
+        scan: u64,
+        /// The topic.
+        topic: String,
+    },
+    /// A message is not what its topic says.
+    #[error("{topic} of scan {scan}: {source}")]
+    Message {
+        /// The scan.
+        scan: u64,
+        /// The topic.
+        topic: String,
+        /// What is wrong.
+        source: DecodeError,
+    },
+}
+
+/// One file of a recording.
+#[derive(Debug)]
+pub(crate) struct Part {
+    pub(crate) path: PathBuf,
+    file: File,
+    pub(crate) bytes: u64,
+    pub(crate) contents: Contents,
+}
+
+/// A chunk with messages of a scan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Place {
+    part: usize,
+    chunk: usize,
+}
+
+/// What is known of a scan without reading it.
+#[derive(Clone, Debug, Default)]
+struct Held {
+    nanos: u64,
+    places: Vec<Place>,
+}
+
+/// The messages of one scan.
+#[derive(Clone, Debug, Default)]
+pub struct Scan {
+    /// Its number.
+    pub sequence: u64,
+    /// When it was taken, in nanoseconds since 1970.
+    pub nanos: u64,
+    bytes: Vec<u8>,
+    messages: Vec<(String, Range<usize>)>,
+}
+
+impl Scan {
+    /// Its messages, topic by topic, in the order they were recorded.
+    pub fn messages(&self) -> impl Iterator<Item = (&str, &[u8])> {
+        self.messages
+            .iter()
+            .map(|(topic, range)| (topic.as_str(), &self.bytes[range.clone()]))
+    }
+
+    /// The message of a topic.
+    pub fn message(&self, topic: &str) -> Option<&[u8]> {
+        self.messages()
+            .find(|(name, _)| *name == topic)
+            .map(|(_, bytes)| bytes)
+    }
+
+    /// The message of a data topic, as its makers made it.
+    ///
+    /// # Errors
+    /// When there is none, or it is damaged.
+    pub fn decode<M: Recorded>(&self, codec: &Codec, topic: &Topic) -> Result<Owned<M>, ReadError> {
+        let scan = self.sequence;
+        let bytes = self
+            .message(&topic.name)
+            .ok_or_else(|| ReadError::NoMessage {
+                scan,
+                topic: topic.name.clone(),
+            })?;
+        codec
+            .decode(topic, scan, self.nanos, bytes)
+            .map_err(|source| ReadError::Message {
+                scan,
+                topic: topic.name.clone(),
+                source,
+            })
+    }
+}
+
+/// A recording: all its parts as one, every message once.
+#[derive(Debug)]
+pub struct Recording {
+    path: PathBuf,
+    metadata: Metadata,
+    codec: Codec,
+    pub(crate) parts: Vec<Part>,
+    scans: BTreeMap<u64, Held>,
+    notes: Vec<String>,
+}
+
+/// Topics of which a scan may have several messages.
+fn is_repeated(topic: &str) -> bool {
+    topic == "log" || topic == "ledger"
+}
+
+impl Recording {
+    /// Opens a recording by the path of its first part. Finished parts are not read but for their index; of
+    /// unfinished ones all that is whole is there.
+    ///
+    /// # Errors
+    /// When it is not a recording of this program, or cannot be read.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let mut notes = Vec::new();
+        let first = Part::open(path)?;
+        let (metadata, identity) = first.metadata()?;
+        if identity.part > 0 {
+            notes.push(format!(
+                "{} is part {} of a recording; what its other parts hold is not here",
+                path.display(),
+                identity.part
+            ));
+        }
+        let mut parts = vec![first];
+        for number in 1..count(path) {
+            let path = part_path(path, number);
+            let part = Part::open(&path);
+            let belongs = part.and_then(|part| {
+                let (_, of_part) = part.metadata()?;
+                let expected = Identity {
+                    part: identity.part + number,
+                    ..identity.clone()
+                };
+                Ok((of_part == expected).then_some(part))
+            });
+            match belongs {
+                Ok(Some(part)) => parts.push(part),
+                Ok(None) => {
+                    let path = path.display();
+                    notes.push(format!(
+                        "{path} belongs to another recording and is left out"
+                    ));
+                }
+                Err(error) => notes.push(format!("a part is left out: {error}")),
+            }
+        }
+        for part in parts.iter().filter(|part| !part.contents.is_finished) {
+            let torn = part.bytes - part.contents.whole_until;
+            notes.push(format!(
+                "{} is unfinished: its writer ended before it; {torn} torn bytes at its end are left out",
+                part.path.display()
+            ));
+        }
+        let codec = Codec::new(metadata.rig.clone(), metadata.reference);
+        let path = path.to_owned();
+        let mut recording = Self {
+            path,
+            metadata,
+            codec,
+            parts,
+            scans: BTreeMap::new(),
+            notes,
+        };
+        recording.find_scans();
+        Ok(recording)
+    }
+
+    fn find_scans(&mut self) {
+        for (number, part) in self.parts.iter_mut().enumerate() {
+            let Part {
+                path,
+                file,
+                contents,
+                ..
+            } = part;
+            for (chunk, index) in contents.chunks.iter().enumerate() {
+                match sequences(file, index) {
+                    Ok(sequences) => {
+                        for (sequence, nanos) in sequences {
+                            let held = self.scans.entry(sequence).or_default();
+                            held.nanos = nanos;
+                            held.places.push(Place {
+                                part: number,
+                                chunk,
+                            });
+                        }
+                    }
+                    Err(error) => self.notes.push(format!(
+                        "{} is damaged at byte {}: {error}",
+                        path.display(),
+                        index.chunk_start_offset
+                    )),
+                }
+            }
+        }
+    }
+
+    /// The path of its first part.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What it says about itself.
+    pub fn metadata(&self) -> &Metadata {
+        &self.metadata
+    }
+
+    /// What turns its messages back.
+    pub fn codec(&self) -> &Codec {
+        &self.codec
+    }
+
+    /// What is wrong with it or left out of it, a sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Whether all its parts are finished.
+    pub fn is_complete(&self) -> bool {
+        self.parts.iter().all(|part| part.contents.is_finished) && self.notes.is_empty()
+    }
+
+    /// The ledger of the run, which a finished recording has.
+    pub fn ledger(&self) -> Option<Ledger> {
+        let records = self.parts.iter().flat_map(|part| &part.contents.metadata);
+        records
+            .filter(|(_, record)| record.name == LEDGER)
+            .filter_map(|(_, r)| ledger(r))
+            .last()
+    }
+
+    /// The scans it holds, in order.
+    pub fn scans(&self) -> impl DoubleEndedIterator<Item = u64> + ExactSizeIterator {
+        self.scans.keys().copied()
+    }
+
+    /// When a scan was taken, in nanoseconds since 1970.
+    pub fn nanos(&self, scan: u64) -> Option<u64> {
+        self.scans.get(&scan).map(|held| held.nanos)
+    }
+
+    /// Of every scan which topics it has.
+    pub(crate) fn topics_by_scan(&self) -> impl Iterator<Item = (u64, BTreeSet<&str>)> {
+        self.scans.iter().map(|(sequence, held)| {
+            let topics = held.places.iter().flat_map(|place| {
+                let contents = &self.parts[place.part].contents;
+                let ids = contents.chunks[place.chunk].message_index_offsets.keys();
+                ids.filter_map(|id| contents.channels.get(id))
+                    .map(|c| c.topic.as_str())
+            });
+            (*sequence, topics.collect())
+        })
+    }
+
+    /// The scans that have a message of every data topic, in order.
+    pub fn whole_scans(&self) -> Vec<u64> {
+        let data = Topic::all(&self.metadata.rig);
+        let is_whole = |topics: &BTreeSet<&str>| data.iter().all(|t| topics.contains(&*t.name));
+        self.topics_by_scan()
+            .filter(|(_, topics)| is_whole(topics))
+            .map(|(scan, _)| scan)
+            .collect()
+    }
+
+    /// All channels there are: topic, message encoding, schema.
+    pub(crate) fn channels(&self) -> BTreeMap<&str, (&str, Option<&FileSchema>)> {
+        let mut channels = BTreeMap::new();
+        for Part { contents, .. } in &self.parts {
+            for channel in contents.channels.values() {
+                let schema = contents.schemas.get(&channel.schema_id);
+                channels.insert(&*channel.topic, (&*channel.message_encoding, schema));
+            }
+        }
+        channels
+    }
+
+    /// Reads a scan: all its messages.
+    ///
+    /// # Errors
+    /// When it is not there, or damaged.
+    pub fn scan(&mut self, scan: u64) -> Result<Scan, ReadError> {
+        self.scan_of(scan, |_| true)
+    }
+
+    /// Reads of a scan the messages of the topics that are wanted, and no more of the file than holds them.
+    ///
+    /// # Errors
+    /// When it is not there, or damaged.
+    pub fn scan_of(
+        &mut self,
+        sequence: u64,
+        wanted: impl Fn(&str) -> bool,
+    ) -> Result<Scan, ReadError> {
+        let Some(held) = self.scans.get(&sequence) else {
+            return Err(ReadError::NoScan {
+                scan: sequence,
+                held: self.held(),
+            });
+        };
+        let mut scan = Scan {
+            sequence,
+            nanos: held.nanos,
+            ..Scan::default()
+        };
+        let mut seen = BTreeSet::new();
+        for place in &held.places {
+            let Part {
+                path,
+                file,
+                contents,
+                ..
+            } = &mut self.parts[place.part];
+            let index = &contents.chunks[place.chunk];
+            let topic = |id: &u16| contents.channels.get(id).map(|c| c.topic.as_str());
+            if !index
+                .message_index_offsets
+                .keys()
+                .filter_map(topic)
+                .any(&wanted)
+            {
+                continue;
+            }
+            let chunk = Chunk::load(file, index).map_err(|source| {
+                let offset = index.chunk_start_offset;
+                ReadError::Damaged {
+                    path: path.clone(),
+                    offset,
+                    source,
+                }
+            })?;
+            for (header, range) in &chunk.messages {
+                let Some(topic) = topic(&header.channel_id) else {
+                    continue;
+                };
+                let is_of_scan = u64::from(header.sequence) == sequence && wanted(topic);
+                if is_of_scan && (is_repeated(topic) || seen.insert(topic.to_owned())) {
+                    let start = scan.bytes.len();
+                    scan.bytes.extend_from_slice(&chunk.bytes[range.clone()]);
+                    scan.messages
+                        .push((topic.to_owned(), start..scan.bytes.len()));
+                }
+            }
+        }
+        Ok(scan)
+    }
+
+    /// Reads one message of a data topic.
+    ///
+    /// # Errors
+    /// When it is not there, or damaged.
+    pub fn read<M: Recorded>(&mut self, scan: u64, topic: &Topic) -> Result<Owned<M>, ReadError> {
+        self.scan_of(scan, |name| name == topic.name)?
+            .decode(&self.codec, topic)
+    }
+
+    /// The scans there are, in words.
+    pub(crate) fn held(&self) -> String {
+        let mut runs: Vec<(u64, u64)> = Vec::new();
+        for scan in self.scans() {
+            match runs.last_mut() {
+                Some((_, last)) if *last + 1 == scan => *last = scan,
+                _ => runs.push((scan, scan)),
+            }
+        }
+        let words = runs.iter().map(|(first, last)| match last - first {
+            0 => first.to_string(),
+            _ => format!("{first} to {last}"),
+        });
+        let words: Vec<_> = words.collect();
+        if words.is_empty() {
+            "none".to_owned()
+        } else {
+            words.join(", ")
+        }
+    }
+}
+
+impl Part {
+    fn open(path: &Path) -> Result<Self, ReadError> {
+        let io_error = |source| ReadError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let mut file = File::open(path).map_err(io_error)?;
+        let metadata = file.metadata().map_err(io_error)?;
+        if metadata.is_dir() {
+            return Err(io_error(io::ErrorKind::IsADirectory.into()));
+        }
+        let bytes = metadata.len();
+        match Contents::of(&mut file).map_err(io_error)? {
+            Some(contents) => Ok(Self {
+                path: path.to_owned(),
+                file,
+                bytes,
+                contents,
+            }),
+            None if is_beginning(&mut file, bytes) => Err(ReadError::Empty(path.to_owned())),
+            None => Err(ReadError::NotMcap(path.to_owned())),
+        }
+    }
+
+    fn metadata(&self) -> Result<(Metadata, Identity), ReadError> {
+        let mut records = self.contents.metadata.iter().map(|(_, record)| record);
+        let Some(record) = records.find(|record| record.name == NAME) else {
+            let topics = self.contents.channels.values().map(|c| c.topic.as_str());
+            let topics: BTreeSet<_> = topics.collect();
+            let library = self.contents.library.clone();
+            if topics.is_empty() && (library.is_empty() || library.starts_with(NAME)) {
+                return Err(ReadError::Empty(self.path.clone()));
+            }
+            return Err(ReadError::Foreign {
+                path: self.path.clone(),
+                library,
+                topics: topics.into_iter().collect::<Vec<_>>().join(", "),
+            });
+        };
+        Metadata::from_record(record).map_err(|source| ReadError::Metadata {
+            path: self.path.clone(),
+            source,
+        })
+    }
+}
+
+/// Whether a file too short to be MCAP is the beginning of one.
+fn is_beginning(file: &mut File, bytes: u64) -> bool {
+    use io::Seek;
+    let mut read = vec![0; bytes.min(mcap::MAGIC.len() as u64) as usize];
+    bytes < mcap::MAGIC.len() as u64
+        && file.rewind().is_ok()
+        && file.read_exact(&mut read).is_ok()
+        && mcap::MAGIC.starts_with(&read)
+}
+
+/// The scans of a chunk, with their times.
+fn sequences(file: &mut File, index: &ChunkIndex) -> Result<BTreeMap<u64, u64>, mcap::McapError> {
+    // Our chunks hold one scan each: its first message tells it. Other programs may have packed them anew.
+    if index.message_start_time == index.message_end_time {
+        let first = first_sequence(file, index)?;
+        return Ok(first
+            .map(|s| (u64::from(s), index.message_start_time))
+            .into_iter()
+            .collect());
+    }
+    let chunk = Chunk::load(file, index)?;
+    Ok(chunk
+        .messages
+        .iter()
+        .map(|(h, _)| (u64::from(h.sequence), h.log_time))
+        .collect())
+}

@@ -1,0 +1,36 @@
+//! How a recording is written.
+
+use serde::{Deserialize, Serialize};
+
+/// How chunks are compressed; every reader opens all of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Compression {
+    /// Not at all.
+    None,
+    /// Fast.
+    #[default]
+    Lz4,
+    /// Small.
+    Zstd,
+}
+
+messages::settings! {
+    /// How a recording is written.
+    pub struct Settings {
+        /// Where to record; empty for a file named by the time in the folder recordings.
+        pub file: String = String::new();
+        /// Whether a recording that is there already is overwritten, with all its parts.
+        pub overwrite: bool = false;
+        /// `none`, `lz4` or `zstd`.
+        pub compression: Compression = Compression::Lz4;
+        /// Bytes after which a scan goes on in a new chunk: viewers that show images alone then read no more.
+        pub chunk_bytes: u64 = 1_048_576, in 65_536..=1_073_741_824;
+        /// Whether views for people are recorded too: curves over each image, the disparity picture in colours.
+        pub views: bool = true;
+        /// Bytes after which the next scan goes into a new part; without it size does not matter.
+        pub max_bytes: Option<u64> = None, in 1_000_000..=1e12;
+        /// Seconds of recorded time after which the next scan goes into a new part; without it time does not matter.
+        pub max_seconds: Option<f64> = None, in 0.1..=1e9;
+    }
+}
