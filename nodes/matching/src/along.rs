@@ -81,14 +81,12 @@ pub(crate) struct Along {
 }
 
 impl Along {
-    /// Chooses disparities for the points of a curve; `dearer` is added to a candidate's cost, `near_curve` tells the
-    /// curve a spot of the near view belongs to.
+    /// Chooses disparities for the points of a curve; `near_curve` tells the curve a spot of the near view belongs to.
     pub(crate) fn choose(
         &mut self,
         points: std::ops::Range<usize>,
         candidates: &Candidates,
         smoothness: &Smoothness,
-        dearer: impl Fn(usize, &Candidate) -> f32,
         near_curve: impl Fn(u32) -> u32,
         choices: &mut [Choice],
     ) {
@@ -121,7 +119,7 @@ impl Along {
                     }
                 }
                 self.states.push(State {
-                    cost: best.0 + candidate.cost + dearer(point, candidate),
+                    cost: best.0 + candidate.cost,
                     disparity: candidate.disparity,
                     curve,
                     back: best.1,
@@ -184,12 +182,15 @@ pub(crate) struct Steadiness {
     pub(crate) gap: usize,
     /// Points that were seen, at least, in a run that is trusted.
     pub(crate) least: usize,
+    /// How much dearer, on average over a run, the best candidates elsewhere must be.
+    pub(crate) margin: f32,
 }
 
 /// Forgets every choice outside runs of steady disparity, and tells the others how long their run is.
 pub(crate) fn keep_runs(choices: &mut [Choice], steadiness: &Steadiness) {
     for_each_run(choices, steadiness, |choices, seen| {
-        if seen < steadiness.least {
+        let margin: f32 = choices.iter().map(|choice| choice.margin).sum();
+        if seen < steadiness.least || margin < steadiness.margin * seen as f32 {
             choices.fill(Choice::NOTHING);
         } else {
             for choice in choices.iter_mut().filter(|choice| choice.is_some()) {

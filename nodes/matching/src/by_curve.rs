@@ -60,7 +60,7 @@ impl Matcher {
         };
         relation::relax(&mut self.nodes, &relation, &mut self.nodes_before);
 
-        let pairing = Pairing { turn, spread: s.loop_residual, miss: s.miss, flat: s.flat.to_radians().sin() };
+        let pairing = Pairing { turn, spread: s.loop_residual, miss: s.miss, flat: s.flat.to_radians() };
         let matched = self.closed.iter_mut().filter(|closed| closed.is_some());
         for (closed, node) in matched.zip(&self.nodes) {
             let Some(found) = closed.filter(|_| node.certainty >= s.certainty) else {

@@ -3,8 +3,7 @@
 use messages::Size;
 
 use crate::along::{self, Choice, Smoothness, Steadiness};
-use crate::candidates::{Candidate, Likeness};
-use crate::support::Neighbourhood;
+use crate::candidates::Likeness;
 use crate::{ChannelView, Matcher, Range, Steps};
 
 impl Matcher {
@@ -23,60 +22,54 @@ impl Matcher {
         let like = Likeness {
             turn: s.orientation_tolerance.to_radians(),
             miss: s.miss,
-            flat: s.flat.to_radians().sin(),
+            flat: s.flat.to_radians(),
             turn_cost: s.turn_cost,
             miss_cost: s.miss_cost,
             gray_cost: s.gray_cost,
             gray_most: s.gray_most,
             better: s.better_side / (1.0 + s.better_side),
             magnitude_cost: s.magnitude_cost,
-            prior_cost: s.prior_cost,
             most: s.nothing + s.jump,
             keep: s.candidates,
         };
-        let prior = (has_coarser && s.prior_cost > 0.0).then_some(&self.coarser);
-        self.candidates.gather(&self.rows, steps, range, &like, prior);
+        let predicted = match s.prediction_margin.filter(|_| has_coarser) {
+            Some(margin) => {
+                self.coarser.predict(margin, range);
+                Some(&self.coarser)
+            }
+            None => None,
+        };
+        self.candidates.gather(&self.rows, steps, range, &like, predicted);
 
         let smoothness = Smoothness { nothing: s.nothing, change: s.change, jump: s.jump, crossing: s.crossing };
-        let steadiness = Steadiness { step: s.steady, gap: s.gap, least: s.run };
-        for pass in 0..=s.relaxations {
-            let earlier = (pass > 0).then_some(&self.earlier);
-            for curve in reference.curves {
-                let near = &self.rows[steps.near].spots;
-                let dearer = |point: usize, candidate: &Candidate| {
-                    earlier.map_or(0.0, |earlier| {
-                        let edge = &edges[point];
-                        s.relaxation_cost * earlier.strangeness(edge.x, edge.y, candidate.disparity)
-                    })
-                };
-                let curve_of = |spot: u32| near[spot as usize].curve;
-                self.along.choose(curve.range(), &self.candidates, &smoothness, dearer, curve_of, &mut self.choices);
-                along::keep_runs(&mut self.choices[curve.range()], &steadiness);
-            }
-            let worth = |choice: &Choice| choice.cost - (choice.run as f32).min(32.0) / 32.0;
-            for (which, view) in [steps.near, steps.far].into_iter().enumerate() {
-                self.support.keep_unique(self.rows[view].spots.len(), which, &mut self.choices, worth);
-            }
-            if pass < s.relaxations {
-                self.earlier.clear(size, s.cell, range);
-                for (edge, choice) in edges.iter().zip(&self.choices) {
-                    if choice.is_some() {
-                        self.earlier.add(edge.x, edge.y, choice.disparity);
-                    }
-                }
-                self.earlier.settle();
-            }
+        let steadiness = Steadiness { step: s.steady, gap: s.gap, least: s.run, margin: s.margin };
+        let near = &self.rows[steps.near].spots;
+        let curve_of = |spot: u32| near[spot as usize].curve;
+        for curve in reference.curves {
+            self.along.choose(curve.range(), &self.candidates, &smoothness, curve_of, &mut self.choices);
+            along::keep_runs(&mut self.choices[curve.range()], &steadiness);
+        }
+        let worth = |choice: &Choice| choice.cost - (choice.run as f32).min(32.0) / 32.0;
+        for (which, view) in [steps.near, steps.far].into_iter().enumerate() {
+            self.support.keep_unique(self.rows[view].spots.len(), which, &mut self.choices, worth);
         }
         if s.support_share > 0.0 {
-            let around = Neighbourhood {
-                radius: s.support_radius,
-                nearest: s.support_nearest,
-                share: s.support_share,
-                within: s.support_within,
-                slope: s.support_slope,
-                least: s.support_least,
-            };
-            self.support.keep_supported(&self.rows[steps.reference], &around, &mut self.choices);
+            self.around.clear(size, s.support_cell, s.support_within, range);
+            for (edge, choice) in edges.iter().zip(&self.choices) {
+                if choice.is_some() {
+                    self.around.add(edge.x, edge.y, choice.disparity);
+                }
+            }
+            self.around.settle();
+            for (edge, choice) in edges.iter().zip(&mut self.choices) {
+                if choice.is_some() {
+                    let (share, weight) = self.around.agreement(edge.x, edge.y, choice.disparity);
+                    choice.support = share;
+                    if share < s.support_share || weight < s.support_least {
+                        *choice = Choice::NOTHING;
+                    }
+                }
+            }
         }
         for curve in reference.curves {
             let choices = &mut self.choices[curve.range()];

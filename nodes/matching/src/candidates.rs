@@ -4,7 +4,7 @@
 //! points in the two other views that one disparity explains within a tolerance, the best few are kept. The long base
 //! between the outer views gives the precision, the short one the uniqueness.
 
-use crate::rows::{Rows, Spot, turn};
+use crate::rows::{Rows, Spot, is_flat, turn};
 use crate::surroundings::Surroundings;
 use crate::{Range, Steps};
 
@@ -28,7 +28,7 @@ pub(crate) struct Likeness {
     pub(crate) turn: f32,
     /// Pixels by which the far view's column may miss the prediction.
     pub(crate) miss: f32,
-    /// Below this |cos| of the orientation a contour is too flat to be matched point by point.
+    /// Radians from horizontal up to which a contour is too flat to be matched point by point.
     pub(crate) flat: f32,
     /// Cost of the greatest turn.
     pub(crate) turn_cost: f32,
@@ -42,8 +42,6 @@ pub(crate) struct Likeness {
     pub(crate) better: f32,
     /// Cost of a doubled magnitude.
     pub(crate) magnitude_cost: f32,
-    /// Cost of being alone against the surroundings.
-    pub(crate) prior_cost: f32,
     /// Candidates dearer than this are not kept.
     pub(crate) most: f32,
     /// How many are kept a point.
@@ -66,14 +64,15 @@ impl Candidates {
         &self.list[start as usize..(start + count) as usize]
     }
 
-    /// Collects the candidates of every point of the reference view.
+    /// Collects the candidates of every point of the reference view, in the whole range of disparities or in what is
+    /// predicted around each.
     pub(crate) fn gather(
         &mut self,
         rows: &[Rows; 3],
         steps: Steps,
         range: Range,
         like: &Likeness,
-        prior: Option<&Surroundings>,
+        predicted: Option<&Surroundings>,
     ) {
         let reference = &rows[steps.reference];
         let (near, far) = (&rows[steps.near], &rows[steps.far]);
@@ -82,22 +81,21 @@ impl Candidates {
         self.of_point.resize(reference.curve_of.len(), (0, 0));
         for row in 0..reference.count() {
             for spot in &reference.spots[reference.row(row)] {
-                if spot.orientation.cos().abs() < like.flat {
+                if is_flat(spot.orientation, like.flat) {
                     continue;
                 }
                 let start = self.list.len();
+                let range = predicted.map_or(range, |predicted| predicted.range(spot.x, row as f32));
                 let ends = [spot.x - steps.to_near * range.most, spot.x - steps.to_near * range.least];
                 let (least, most) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-                for n in near.between(row, least, most) {
-                    let beside = &near.spots[n];
+                for (n, beside) in near.between(row, least, most) {
                     let near_turn = turn(spot.orientation, beside.orientation);
                     if near_turn > like.turn {
                         continue;
                     }
                     let short = (spot.x - beside.x) / steps.to_near;
                     let expected = spot.x - steps.to_far * short;
-                    for f in far.between(row, expected - like.miss, expected + like.miss) {
-                        let beyond = &far.spots[f];
+                    for (f, beyond) in far.between(row, expected - like.miss, expected + like.miss) {
                         let far_turn = turn(spot.orientation, beyond.orientation);
                         if far_turn > like.turn {
                             continue;
@@ -105,13 +103,10 @@ impl Candidates {
                         let xs = steps.in_order(spot.x, beside.x, beyond.x);
                         let disparity = (xs[0] - xs[2]) / 2.0;
                         let bend = xs[1] - (xs[0] + xs[2]) / 2.0;
-                        let mut cost = like.turn_cost * (near_turn + far_turn) / (2.0 * like.turn)
+                        let cost = like.turn_cost * (near_turn + far_turn) / (2.0 * like.turn)
                             + like.miss_cost * (beyond.x - expected).abs() / like.miss
                             + like.gray(spot, beside, beyond)
                             + like.magnitude(spot, beside, beyond);
-                        if let Some(prior) = prior {
-                            cost += like.prior_cost * prior.strangeness(spot.x, row as f32, disparity);
-                        }
                         if cost < like.most && (range.least..=range.most).contains(&disparity) {
                             let spots = [n as u32, f as u32];
                             self.list.push(Candidate { disparity, cost, bend, spots });
@@ -131,11 +126,12 @@ impl Likeness {
     /// Cost of the gray levels beside the three points: each side for itself, the better one weighing more, because
     /// at an occluding edge only one side is preserved.
     fn gray(&self, a: &Spot, b: &Spot, c: &Spot) -> f32 {
-        let side = |samples: [usize; 4]| -> f32 {
-            let difference = |i: usize| {
-                (a.profile[i].abs_diff(b.profile[i]) as f32) + (a.profile[i].abs_diff(c.profile[i]) as f32)
-            };
-            samples.into_iter().zip(WEIGHTS).map(|(i, weight)| weight * difference(i)).sum::<f32>() / 2.0
+        let differences: [u16; 8] = std::array::from_fn(|i| {
+            u16::from(a.profile[i].abs_diff(b.profile[i])) + u16::from(a.profile[i].abs_diff(c.profile[i]))
+        });
+        let side = |samples: [usize; 4]| {
+            let sum: u16 = samples.into_iter().zip(WEIGHTS).map(|(i, weight)| weight * differences[i]).sum();
+            f32::from(sum) / f32::from(2 * WEIGHTS.iter().sum::<u16>())
         };
         let (left, right) = (side([3, 2, 1, 0]), side([4, 5, 6, 7]));
         let mean = self.better * left.min(right) + (1.0 - self.better) * left.max(right);
@@ -149,5 +145,5 @@ impl Likeness {
     }
 }
 
-/// How the samples of a side count, from the edge outwards; they sum to one.
-const WEIGHTS: [f32; 4] = [0.2, 0.35, 0.3, 0.15];
+/// How the samples of a side count, from the edge outwards.
+const WEIGHTS: [u16; 4] = [4, 7, 6, 3];

@@ -4,7 +4,7 @@ use messages::Edge;
 
 use crate::along::Choice;
 use crate::closed_loop::Closed;
-use crate::rows::{Rows, turn};
+use crate::rows::{Rows, is_flat, turn};
 use crate::{Range, Steps};
 
 /// Which points are partners inside matched curves.
@@ -16,7 +16,7 @@ pub(crate) struct Pairing {
     pub(crate) spread: f32,
     /// Pixels by which the far view may miss what the near one predicts.
     pub(crate) miss: f32,
-    /// Below this |cos| of the orientation there is no one-to-one pair.
+    /// Radians from horizontal up to which there is no one-to-one pair.
     pub(crate) flat: f32,
 }
 
@@ -32,19 +32,18 @@ pub(crate) fn row_by_row(
     let range = Range { least: closed.disparity - pairing.spread, most: closed.disparity + pairing.spread };
     for (edge, choice) in edges.iter().zip(choices) {
         *choice = Choice::NOTHING;
-        if !edge.is_in_row() || edge.orientation.cos().abs() < pairing.flat {
+        if !edge.is_in_row() || is_flat(edge.orientation, pairing.flat) {
             continue;
         }
         let partner = |view: usize, to: f32, range: Range| {
             let ends = [edge.x - to * range.least, edge.x - to * range.most];
             let middle = (ends[0] + ends[1]) / 2.0;
             let between = rows[view].between(edge.y as usize, ends[0].min(ends[1]), ends[0].max(ends[1]));
-            let own = between.filter(|&i| {
-                let spot = &rows[view].spots[i];
+            let own = between.filter(|(_, spot)| {
                 spot.curve == closed.curves[view] && turn(spot.orientation, edge.orientation) <= pairing.turn
             });
-            let far = |i: &usize| (rows[view].spots[*i].x - middle).abs();
-            own.min_by(|a, b| far(a).total_cmp(&far(b)))
+            let nearest = own.min_by(|a, b| (a.1.x - middle).abs().total_cmp(&(b.1.x - middle).abs()));
+            nearest.map(|(index, _)| index)
         };
         let Some(near) = partner(steps.near, steps.to_near, range) else {
             continue;

@@ -9,6 +9,8 @@ pub(crate) struct Fuse {
     taken: Vec<u32>,
     /// For every pixel the score of the point whose disparity it shows.
     scores: Vec<f32>,
+    unsorted: Vec<Point>,
+    keys: Vec<(u64, u32)>,
 }
 
 impl Fuse {
@@ -41,7 +43,7 @@ impl Fuse {
             let start = points.points.len();
             for found in matches.matches.iter() {
                 for point in &matches.points[found.first as usize..(found.first + found.count) as usize] {
-                    let (column, row) = (point.x.round() as usize, point.y.round() as usize);
+                    let (column, row) = ((point.x + 0.5) as usize, (point.y + 0.5) as usize);
                     if column >= width || row >= height || !(point.disparity > 0.0) {
                         continue;
                     }
@@ -71,7 +73,7 @@ impl Fuse {
             // Only now is the place taken: points of one channel do not exclude each other.
             let reach = fill_in.unwrap_or(0);
             for point in &points.points[start..] {
-                let (column, row) = (point.u.round() as usize, point.v.round() as usize);
+                let (column, row) = ((point.u + 0.5) as usize, (point.v + 0.5) as usize);
                 for row in row.saturating_sub(reach)..(row + reach + 1).min(height) {
                     let from = row * width + column.saturating_sub(reach);
                     let to = row * width + (column + reach + 1).min(width);
@@ -81,9 +83,20 @@ impl Fuse {
                 }
             }
         }
-        points.points.sort_unstable_by(|a, b| {
-            let key = |p: &Point| (p.v.floor(), p.u);
-            key(a).0.total_cmp(&key(b).0).then(a.u.total_cmp(&b.u)).then(a.v.total_cmp(&b.v)).then(a.curve.cmp(&b.curve))
-        });
+        self.sort(points);
+    }
+
+    /// Sorts row by row, left to right.
+    fn sort(&mut self, points: &mut PointsRoom<'_>) {
+        self.unsorted.clear();
+        self.unsorted.extend_from_slice(&points.points);
+        self.keys.clear();
+        // Coordinates are not negative, so their bits sort as they do.
+        let key = |point: &Point| (u64::from(point.v as u32) << 32) | u64::from(point.u.to_bits());
+        self.keys.extend((0..).zip(&self.unsorted).map(|(index, point)| (key(point), index)));
+        self.keys.sort_unstable();
+        for (sorted, &(_, index)) in points.points.iter_mut().zip(&self.keys) {
+            *sorted = self.unsorted[index as usize];
+        }
     }
 }

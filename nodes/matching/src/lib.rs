@@ -93,7 +93,7 @@ pub struct Matcher {
     along: Along,
     support: Support,
     coarser: Surroundings,
-    earlier: Surroundings,
+    around: Surroundings,
     choices: Vec<Choice>,
     smooth: Vec<f32>,
     closed_loop: ClosedLoop,
@@ -147,7 +147,7 @@ impl Matcher {
         let reference = views[steps.reference].curves;
         room.clear();
         for (rows, view) in self.rows.iter_mut().zip(views) {
-            rows.fill(view);
+            rows.fill(view, size.width);
         }
         self.choices.clear();
         self.choices.resize(reference.points.len(), Choice::NOTHING);
@@ -160,7 +160,7 @@ impl Matcher {
                 self.assign_curves(views, range, steps, variance, channel > 0);
             }
         }
-        self.coarser.clear(size, self.settings.cell, range);
+        self.coarser.clear(size, self.settings.cell, 1.0, range);
         for (edge, choice) in reference.points.iter().zip(&self.choices) {
             if choice.is_some() {
                 self.coarser.add(edge.x, edge.y, choice.disparity);

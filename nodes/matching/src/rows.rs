@@ -21,6 +21,9 @@ pub(crate) struct Spot {
     pub(crate) curve: u32,
 }
 
+/// Columns a cell of the index measures.
+const CELL: usize = 8;
+
 /// The points that were found along rows, row by row, left to right.
 ///
 /// A point between two rows has no exact column, so it is not searched for; its disparity is filled in along its
@@ -31,13 +34,17 @@ pub(crate) struct Rows {
     pub(crate) spots: Vec<Spot>,
     /// Where each row starts, and where the last ends.
     starts: Vec<u32>,
+    /// Per row and cell of [`CELL`] columns the first spot at or behind the cell's start.
+    cells: Vec<u32>,
+    /// Cells in a row.
+    per_row: usize,
     /// The curve each point belongs to.
     pub(crate) curve_of: Vec<u32>,
 }
 
 impl Rows {
     /// Takes in the points of a view.
-    pub(crate) fn fill(&mut self, view: &ChannelView<'_>) {
+    pub(crate) fn fill(&mut self, view: &ChannelView<'_>, width: u32) {
         let points = view.curves.points;
         self.curve_of.clear();
         self.curve_of.resize(points.len(), NONE);
@@ -47,12 +54,23 @@ impl Rows {
         self.spots.clear();
         self.starts.clear();
         self.starts.push(0);
+        self.cells.clear();
+        self.per_row = width as usize / CELL + 1;
         for ends in view.tables.rows.windows(2) {
             for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
                 let edge = &points[point as usize];
-                if edge.is_in_row() {
+                if is_in_row(edge) {
                     self.spots.push(Spot::new(edge, point, self.curve_of[point as usize]));
                 }
+            }
+            let row = *self.starts.last().unwrap_or(&0) as usize;
+            let mut at = row;
+            for cell in 0..self.per_row {
+                let left = (cell * CELL) as f32;
+                while at < self.spots.len() && self.spots[at].x < left {
+                    at += 1;
+                }
+                self.cells.push(at as u32);
             }
             self.starts.push(self.spots.len() as u32);
         }
@@ -71,13 +89,14 @@ impl Rows {
         }
     }
 
-    /// The indices of a row's spots from column `least` on, up to column `most`.
-    pub(crate) fn between(&self, row: usize, least: f32, most: f32) -> std::ops::Range<usize> {
-        let row = self.row(row);
-        let spots = &self.spots[row.clone()];
-        let start = spots.partition_point(|spot| spot.x < least);
-        let len = spots[start..].partition_point(|spot| spot.x <= most);
-        row.start + start..row.start + start + len
+    /// The row's spots from column `least` on, up to column `most`, with their indices.
+    pub(crate) fn between(&self, row: usize, least: f32, most: f32) -> impl Iterator<Item = (usize, &Spot)> {
+        let end = self.row(row).end;
+        // A negative column becomes the first cell, one beyond the image the last.
+        let cell = (least as usize / CELL).min(self.per_row.saturating_sub(1));
+        let start = self.cells.get(row * self.per_row + cell).map_or(end, |&start| start as usize);
+        let spots = self.spots[start..end].iter().enumerate().map(move |(i, spot)| (start + i, spot));
+        spots.skip_while(move |(_, spot)| spot.x < least).take_while(move |(_, spot)| spot.x <= most)
     }
 }
 
@@ -98,4 +117,14 @@ impl Spot {
 pub(crate) fn turn(a: f32, b: f32) -> f32 {
     let turn = (a - b).abs();
     if turn > std::f32::consts::PI { std::f32::consts::TAU - turn } else { turn }
+}
+
+/// Whether a contour with this gradient is within `flat` radians of horizontal.
+pub(crate) fn is_flat(orientation: f32, flat: f32) -> bool {
+    (orientation.abs() - std::f32::consts::FRAC_PI_2).abs() < flat
+}
+
+/// The same as [`Edge::is_in_row`], without a call to the mathematical library.
+fn is_in_row(edge: &Edge) -> bool {
+    edge.y as u32 as f32 == edge.y
 }

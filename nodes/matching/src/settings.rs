@@ -53,45 +53,45 @@ messages::settings! {
         /// Pixels by which the far view may miss what the near one predicts.
         pub miss: f32 = 0.8, in 0.1..=8;
         /// Degrees from horizontal up to which a contour is filled in along the curve instead of matched.
-        pub flat: f32 = 9.0, in 0..=80;
+        pub flat: f32 = 2.0, in 0..=80;
         /// Candidates kept a point.
         pub candidates: usize = 8, in 1..=32;
         /// Cost of the greatest turn allowed; a point without a candidate costs `nothing`.
-        pub turn_cost: f32 = 0.3, in 0..=10;
+        pub turn_cost: f32 = 0.6, in 0..=10;
         /// Cost of the greatest miss allowed.
         pub miss_cost: f32 = 0.2, in 0..=10;
         /// Cost of one gray level of difference beside the edge.
-        pub gray_cost: f32 = 0.05, in 0..=10;
+        pub gray_cost: f32 = 0.08, in 0..=10;
         /// Most that gray levels cost.
         pub gray_most: f32 = 2.0, in 0..=10;
         /// How many times more the better side of an edge weighs than the worse one.
         pub better_side: f32 = 4.0, in 1..=100;
         /// Cost of a doubled gradient magnitude.
-        pub magnitude_cost: f32 = 0.1, in 0..=10;
+        pub magnitude_cost: f32 = 0.3, in 0..=10;
         /// Cost of a point that chooses no candidate.
         pub nothing: f32 = 1.0, in 0..=10;
         /// Cost of a pixel of change in disparity along a curve.
-        pub change: f32 = 0.5, in 0..=10;
+        pub change: f32 = 1.0, in 0..=10;
         /// Most that a change along a curve costs.
         pub jump: f32 = 2.0, in 0..=100;
         /// Cost of going over to another curve in the neighbouring view.
         pub crossing: f32 = 0.2, in 0..=10;
-        /// Cost of a disparity that nothing around knows, from the next coarser channel.
-        pub prior_cost: f32 = 0.3, in 0..=10;
-        /// The same in a second pass over the channel, from the first one's points.
-        pub relaxation_cost: f32 = 0.5, in 0..=10;
-        /// Passes over a channel after the first, each asking what the one before found around.
-        pub relaxations: usize = 1, in 0..=8;
-        /// Pixels a cell of these surroundings measures.
+        /// Pixels of disparity searched beyond what the next coarser channel knows around a point; without it every
+        /// channel searches the whole range.
+        pub prediction_margin: Option<f32> = Some(4.0), in 0..=1000;
+        /// Pixels a cell measures in which the coarser channel's disparities are collected.
         pub cell: f32 = 16.0, in 4..=128;
         /// Pixels of disparity between neighbours in a run of steady disparity.
         pub steady: f32 = 1.0, in 0.1..=16;
         /// Points without a disparity that a run bridges, and that are filled in.
-        pub gap: usize = 6, in 0..=64;
+        pub gap: usize = 10, in 0..=64;
         /// Points seen in a run that is trusted.
-        pub run: usize = 8, in 1..=256;
+        pub run: usize = 3, in 1..=256;
+        /// How much dearer, on average over a run, the best candidates at other disparities must be: a repeated texture
+        /// is left alone.
+        pub margin: f32 = 0.05, in 0..=10;
         /// Points to either side to which a line is fitted for a disparity; 0 keeps it as measured.
-        pub straighten: usize = 2, in 0..=16;
+        pub straighten: usize = 4, in 0..=16;
         /// Pixels around a point within which neighbours are asked for support.
         pub support_radius: f32 = 12.0, in 1..=32;
         /// Nearest neighbours asked.
@@ -99,13 +99,15 @@ messages::settings! {
         /// Share of them that must agree; 0 asks nobody.
         pub support_share: f32 = 0.7, in 0..=1;
         /// Pixels of disparity within which neighbours agree.
-        pub support_within: f32 = 2.0, in 0.1..=16;
+        pub support_within: f32 = 1.0, in 0.1..=16;
         /// Pixels of disparity more, a pixel of distance.
         pub support_slope: f32 = 0.1, in 0..=2;
         /// Neighbours there must be.
-        pub support_least: u32 = 0, in 0..=256;
+        pub support_least: f32 = 4.0, in 0..=256;
+        /// Pixels a cell measures in which neighbours are counted.
+        pub support_cell: f32 = 8.0, in 4..=128;
         /// Pixels around a finer channel's points that coarser ones leave alone.
-        pub fill_in_radius: usize = 2, in 0..=32;
+        pub fill_in_radius: usize = 1, in 0..=32;
         /// Whether coarser channels fill in at all.
         pub fill_in: bool = true;
         /// Assignment of curves: the disparity expected in the coarsest channel, in pixels; by default all are searched.

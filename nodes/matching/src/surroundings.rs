@@ -3,6 +3,13 @@
 //! A coarse grid of cells, each with a short histogram of disparities, smoothed over neighbouring cells and bins: a
 //! candidate is strange where many points are known around it and few of them share its disparity.
 
+use messages::Size;
+
+use crate::Range;
+
+/// Weight of the known points around a cell from which on they predict: ten in the cell itself.
+const ENOUGH: f32 = 40.0;
+
 /// Counts of disparities by place.
 #[derive(Debug, Default)]
 pub(crate) struct Surroundings {
@@ -13,15 +20,17 @@ pub(crate) struct Surroundings {
     rows: usize,
     bins: usize,
     counts: Vec<f32>,
+    spread: Vec<f32>,
     smooth: Vec<f32>,
     totals: Vec<f32>,
+    ranges: Vec<Range>,
 }
 
 impl Surroundings {
     /// Empties the grid and lays it out for an image.
-    pub(crate) fn clear(&mut self, size: messages::Size, cell: f32, range: crate::Range) {
+    pub(crate) fn clear(&mut self, size: Size, cell: f32, bin: f32, range: Range) {
         self.cell = cell;
-        self.bin = 1.0;
+        self.bin = bin;
         self.least = range.least;
         self.columns = (size.width as f32 / cell).ceil() as usize + 2;
         self.rows = (size.height as f32 / cell).ceil() as usize + 2;
@@ -49,44 +58,60 @@ impl Surroundings {
     /// Spreads the counts over the neighbouring cells and bins; after this the grid can be asked.
     pub(crate) fn settle(&mut self) {
         let (bins, line) = (self.bins, self.columns * self.bins);
+        self.spread.clear();
+        self.spread.resize(self.counts.len(), 0.0);
         self.smooth.clear();
         self.smooth.resize(self.counts.len(), 0.0);
         self.totals.clear();
         self.totals.resize(self.columns * self.rows, 0.0);
-        for row in 1..self.rows - 1 {
-            for column in 1..self.columns - 1 {
-                let here = row * line + column * bins;
-                for (dy, dx) in (0..3).flat_map(|dy| (0..3).map(move |dx| (dy, dx))) {
-                    let there = here + dy * line + dx * bins - line - bins;
-                    let weight = [1.0, 2.0, 1.0][dy] * [1.0, 2.0, 1.0][dx];
-                    let (from, to) = (&self.counts[there..there + bins], &mut self.smooth[here..here + bins]);
-                    for (to, from) in to.iter_mut().zip(from) {
-                        *to += weight * from;
-                    }
-                }
-                let cell = &mut self.smooth[here..here + bins];
-                self.totals[row * self.columns + column] = cell.iter().sum();
-                let mut before = 0.0;
-                for i in 0..bins - 1 {
-                    let own = cell[i];
-                    cell[i] = before + own + cell[i + 1];
-                    before = own;
-                }
+        tent(&self.counts, &mut self.spread, bins);
+        tent(&self.spread, &mut self.smooth, line);
+        for (cell, total) in self.smooth.chunks_exact(bins).zip(&mut self.totals) {
+            *total = cell.iter().sum();
+        }
+        self.spread.copy_from_slice(&self.smooth);
+        for (to, from) in self.smooth.chunks_exact_mut(bins).zip(self.spread.chunks_exact(bins)) {
+            for (to, from) in to[1..].iter_mut().zip(from) {
+                *to += from;
+            }
+            for (to, from) in to.iter_mut().zip(&from[1..]) {
+                *to += from;
             }
         }
     }
 
-    /// How little the surroundings know of this disparity: 0 where they agree or nothing is known, up to 1.
-    pub(crate) fn strangeness(&self, x: f32, y: f32, disparity: f32) -> f32 {
+    /// Share of the known points around a place that agree with a point's disparity, and their weight; the point
+    /// itself, which must be one of them, does not count.
+    pub(crate) fn agreement(&self, x: f32, y: f32, disparity: f32) -> (f32, f32) {
+        // A point's own weight in its own cell: 2 · 2.
         let cell = self.index(x, y);
-        let total = self.totals[cell / self.bins];
-        if total <= 0.0 {
-            return 0.0;
+        let total = self.totals[cell / self.bins] - 4.0;
+        let agree = self.smooth[cell + self.bin(disparity) as usize] - 4.0;
+        (if total > 0.0 { agree / total } else { 0.0 }, total / 4.0)
+    }
+
+    /// The disparities to search around a place: those known there and a margin, or, where little is known, all.
+    pub(crate) fn range(&self, x: f32, y: f32) -> Range {
+        self.ranges[self.index(x, y) / self.bins]
+    }
+
+    /// Finds what [`range`](Self::range) answers, cell by cell.
+    pub(crate) fn predict(&mut self, margin: f32, range: Range) {
+        self.ranges.clear();
+        for (cell, total) in self.smooth.chunks_exact(self.bins).zip(&self.totals) {
+            let first = cell.iter().position(|&count| count > 0.0);
+            let last = cell.iter().rposition(|&count| count > 0.0);
+            self.ranges.push(match (first, last) {
+                (Some(first), Some(last)) if *total >= ENOUGH => {
+                    let disparity = |bin: usize| self.least + (bin as f32 - 1.5) * self.bin;
+                    Range {
+                        least: (disparity(first + 1) - margin).max(range.least),
+                        most: (disparity(last) + margin).min(range.most),
+                    }
+                }
+                _ => range,
+            });
         }
-        let share = self.smooth[cell + self.bin(disparity) as usize] / total;
-        // Few known points say little; a fifth of them agreeing is enough: several surfaces may meet here.
-        let known = total / (total + 16.0);
-        known * (1.0 - 5.0 * share).max(0.0)
     }
 
     /// The average disparity known around a place.
@@ -99,5 +124,14 @@ impl Surroundings {
             sum += count * (self.least + (bin as f32 - 1.0) * self.bin);
         }
         (all > 0.0).then(|| sum / all)
+    }
+}
+
+/// Weighs every value and its neighbours `step` before and behind by 1, 2, 1.
+fn tent(from: &[f32], to: &mut [f32], step: usize) {
+    let inner = from.len().saturating_sub(2 * step);
+    let triples = from.iter().zip(&from[step..]).zip(&from[2 * step..]);
+    for (to, ((before, own), behind)) in to[step..step + inner].iter_mut().zip(triples) {
+        *to = before + 2.0 * own + behind;
     }
 }

@@ -1,0 +1,236 @@
+//! Scenes of shifted curves whose disparities are known exactly.
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+mod scene;
+
+use matching::{Assignment, Matcher, Reference, Settings};
+use messages::{Edge, Size};
+use scene::{Found, Scene, View, wavy};
+
+const SIZE: Size = Size::new(400, 300);
+
+fn run(scene: &Scene, settings: &Settings) -> Found {
+    scene.run(&mut Matcher::new(settings, &[1.0]), SIZE)
+}
+
+/// Many curves, each at a disparity of its own.
+fn many() -> (Scene, Vec<f32>) {
+    let mut scene = Scene::default();
+    let mut truth = Vec::new();
+    for number in 0..48 {
+        let (column, row) = (number % 8, number / 8);
+        let disparity = 3.0 + 0.75 * number as f32 * 0.5;
+        let curve = wavy(60.0 + 42.0 * column as f32, 10 + 48 * row, 36, number as u32);
+        truth.push(disparity);
+        scene.add(&curve, |_| disparity);
+    }
+    (scene, truth)
+}
+
+#[test]
+fn all_shifted_curves_are_found_and_none_is_wrong() {
+    let (scene, truth) = many();
+    let found = run(&scene, &Settings::default());
+    assert_eq!(found.matches.len(), truth.len());
+    for (disparity, points) in truth.iter().zip(&found.by_curve(truth.len())) {
+        assert!(points.len() >= 34, "{} points at {disparity}", points.len());
+        assert!(points.iter().all(|point| (point.disparity - disparity).abs() < 0.02), "{disparity}");
+    }
+}
+
+#[test]
+fn whole_curves_are_found_by_votes_and_a_closed_loop_too() {
+    let (scene, truth) = many();
+    let found = run(&scene, &Settings { assignment: Assignment::Curve, ..Settings::default() });
+    assert_eq!(found.matches.len(), truth.len());
+    for (disparity, points) in truth.iter().zip(&found.by_curve(truth.len())) {
+        assert!(points.iter().all(|point| (point.disparity - disparity).abs() < 0.02), "{disparity}");
+    }
+    assert!(found.matches.iter().all(|found| found.residual < 0.1 && found.score > 0.9));
+    assert!(found.matches.iter().all(|found| found.curves[0] == found.curves[1] && found.curves[1] == found.curves[2]));
+}
+
+#[test]
+fn the_thesis_profile_finds_what_lies_near_its_initial_estimate() {
+    let mut scene = Scene::default();
+    scene.add(&wavy(200.0, 20, 80, 1), |_| 31.0);
+    scene.add(&wavy(300.0, 120, 80, 2), |_| 5.0);
+    let found = scene.run(&mut Matcher::new(&Settings::thesis(), &[30.0]), SIZE);
+    assert_eq!(found.matches.len(), 1);
+    assert!((found.matches[0].disparity - 31.0).abs() < 0.1);
+}
+
+#[test]
+fn a_curve_that_two_views_propose_is_rejected_by_the_third() {
+    let false_curve = wavy(200.0, 50, 60, 7);
+    for assignment in [Assignment::Point, Assignment::Curve] {
+        for missing in 0..3 {
+            let mut scene = Scene::default();
+            for view in (0..3).filter(|&view| view != missing) {
+                scene.views[view].push(&false_curve.iter().map(|e| Edge { x: e.x - 9.0 * view as f32, ..*e }).collect::<Vec<_>>());
+            }
+            // In the third view it lies where one motion cannot have brought it.
+            scene.views[missing].push(&false_curve.iter().map(|e| Edge { x: e.x - 9.0 * missing as f32 - 6.0, ..*e }).collect::<Vec<_>>());
+            let found = run(&scene, &Settings { assignment, ..Settings::default() });
+            assert!(found.points.is_empty(), "{assignment:?}, view {missing}");
+        }
+    }
+}
+
+#[test]
+fn a_curve_across_a_depth_step_gets_two_disparities() {
+    let mut scene = Scene::default();
+    scene.add(&wavy(200.0, 40, 120, 3), |row| if row < 100.0 { 12.0 } else { 20.0 });
+    let found = run(&scene, &Settings::default());
+    let near = |disparity: f32| found.points.iter().filter(|p| (p.disparity - disparity).abs() < 0.1).count();
+    assert!(near(12.0) >= 58 && near(20.0) >= 58, "{} {}", near(12.0), near(20.0));
+    assert_eq!(near(12.0) + near(20.0), found.points.len());
+    assert!(found.points.iter().all(|p| (p.disparity < 16.0) == (p.v < 100.0)));
+}
+
+#[test]
+fn a_horizontal_stretch_is_filled_along_the_curve() {
+    let mut curve = wavy(200.0, 40, 30, 5);
+    let (last, profile) = (*curve.last().unwrap(), curve[0].profile);
+    // Across the columns: no exact column, so nothing to match.
+    for step in 1..=8 {
+        curve.push(Edge {
+            x: last.x.ceil() + step as f32,
+            y: last.y + 0.5,
+            orientation: -std::f32::consts::FRAC_PI_2,
+            magnitude: 10.0,
+            profile,
+        });
+    }
+    let down = wavy(last.x + 10.0, 70, 30, 6);
+    curve.extend(down.iter().map(|e| Edge { profile, ..*e }));
+    let mut scene = Scene::default();
+    scene.add(&curve, |_| 11.0);
+    let found = run(&scene, &Settings::default());
+    assert_eq!(found.points.len(), curve.len());
+    assert!(found.points.iter().all(|p| (p.disparity - 11.0).abs() < 0.05));
+    let filled = found.match_points.iter().filter(|p| p.filled == 1).count();
+    assert_eq!(filled, 8);
+}
+
+#[test]
+fn a_grating_is_left_alone_rather_than_mismatched() {
+    let mut scene = Scene::default();
+    let bar: Vec<Edge> = (20..280)
+        .map(|row| Edge { x: 0.3, y: row as f32, magnitude: 10.0, orientation: 0.0, profile: [40, 40, 40, 40, 160, 160, 160, 160] })
+        .collect();
+    for number in 0..36 {
+        let bar: Vec<Edge> = bar.iter().map(|e| Edge { x: e.x + 10.0 * number as f32 + 30.0, ..*e }).collect();
+        scene.add(&bar, |_| 13.0);
+    }
+    let found = run(&scene, &Settings::default());
+    let wrong = found.points.iter().filter(|p| (p.disparity - 13.0).abs() > 1.0).count();
+    assert_eq!(wrong, 0, "of {}", found.points.len());
+}
+
+#[test]
+fn opposite_contrast_never_matches() {
+    for assignment in [Assignment::Point, Assignment::Curve] {
+        let (mut scene, _) = many();
+        for edge in &mut scene.views[1].points {
+            edge.orientation += if edge.orientation > 0.0 { -std::f32::consts::PI } else { std::f32::consts::PI };
+        }
+        let found = run(&scene, &Settings { assignment, ..Settings::default() });
+        assert!(found.points.is_empty());
+    }
+}
+
+#[test]
+fn the_central_and_the_right_view_see_the_same_as_the_left() {
+    let (scene, truth) = many();
+    let left = run(&scene, &Settings::default());
+    for (reference, steps) in [(Reference::Centre, 1.0), (Reference::Right, 2.0)] {
+        let other = run(&scene, &Settings { reference, ..Settings::default() });
+        assert_eq!(other.points.len(), left.points.len());
+        for (curve, (a, b)) in left.by_curve(truth.len()).iter().zip(other.by_curve(truth.len())).enumerate() {
+            assert_eq!(a.len(), b.len());
+            for (a, b) in a.iter().zip(b) {
+                assert!((a.u - steps * truth[curve] - b.u).abs() < 0.01);
+                assert!((a.disparity - b.disparity).abs() < 0.02);
+            }
+        }
+    }
+}
+
+#[test]
+fn points_are_in_raster_order_and_lie_where_calibration_says() {
+    let (scene, _) = many();
+    let found = run(&scene, &Settings::default());
+    assert!(found.points.is_sorted_by(|a, b| (a.v as u32, a.u) <= (b.v as u32, b.u)));
+    let camera = messages::Calibration::assumed(SIZE);
+    for point in &found.points {
+        assert!((f64::from(point.z) - camera.depth_m(f64::from(point.disparity))).abs() < 1e-3);
+        assert!((0.0..=1.0).contains(&point.score));
+    }
+    let shown = found.disparity.iter().filter(|d| !d.is_nan()).count();
+    assert!(shown > 0 && shown <= found.points.len());
+}
+
+#[test]
+fn the_same_scan_gives_the_same_bytes() {
+    let (scene, _) = many();
+    for assignment in [Assignment::Point, Assignment::Curve] {
+        let settings = Settings { assignment, ..Settings::default() };
+        let mut matcher = Matcher::new(&settings, &[1.0]);
+        let first = scene.run(&mut matcher, SIZE);
+        // What came in between leaves no trace.
+        Scene::default().run(&mut matcher, Size::new(64, 48));
+        let again = scene.run(&mut matcher, SIZE);
+        assert_eq!(first.points, again.points);
+        assert_eq!(first.match_points, again.match_points);
+        assert_eq!(first.matches, again.matches);
+    }
+}
+
+#[test]
+fn empty_scans_of_any_size_give_empty_results() {
+    for assignment in [Assignment::Point, Assignment::Curve] {
+        let mut matcher = Matcher::new(&Settings { assignment, ..Settings::default() }, &[4.0, 1.0]);
+        for size in [Size::new(32, 32), Size::new(640, 480), Size::new(33, 512)] {
+            let found = Scene::default().run(&mut matcher, size);
+            assert!(found.points.is_empty() && found.matches.is_empty());
+            assert!(found.disparity.iter().all(|d| d.is_nan()));
+        }
+        // Not even an index of rows.
+        let found = Scene { rows: false, ..Scene::default() }.run(&mut matcher, SIZE);
+        assert!(found.points.is_empty());
+    }
+}
+
+#[test]
+fn a_coarser_channel_fills_in_where_the_finest_has_nothing() {
+    let (mut coarse, mut fine) = (Scene::default(), Scene::default());
+    coarse.add(&wavy(150.0, 20, 60, 1), |_| 8.0);
+    coarse.add(&wavy(300.0, 120, 60, 2), |_| 15.0);
+    fine.add(&wavy(150.0, 20, 60, 1), |_| 8.0);
+    let found = scene::run_channels(&[&coarse, &fine], &mut Matcher::new(&Settings::default(), &[4.0, 1.0]), SIZE);
+    assert!(found.points.iter().all(|p| p.channel == u32::from(p.u < 220.0)));
+    assert!(found.points.iter().filter(|p| p.channel == 0).count() >= 58);
+    let alone = Settings { fill_in: false, ..Settings::default() };
+    let found = scene::run_channels(&[&coarse, &fine], &mut Matcher::new(&alone, &[4.0, 1.0]), SIZE);
+    assert!(found.points.iter().all(|p| p.channel == 1));
+}
+
+#[test]
+fn surer_points_have_higher_scores() {
+    let (mut scene, truth) = many();
+    // Half of the curves look a little different from view to view.
+    for View { points, .. } in &mut scene.views[1..] {
+        for edge in points.iter_mut().filter(|edge| edge.y > 150.0) {
+            edge.profile = edge.profile.map(|gray| gray.saturating_add(6));
+            edge.orientation += 0.1;
+        }
+    }
+    let found = run(&scene, &Settings::default());
+    let mean = |below: bool| {
+        let scores: Vec<f32> = found.points.iter().filter(|p| (p.v > 150.0) == below).map(|p| p.score).collect();
+        scores.iter().sum::<f32>() / scores.len() as f32
+    };
+    assert_eq!(found.matches.len(), truth.len());
+    assert!(mean(false) > mean(true));
+}
