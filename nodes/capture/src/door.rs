@@ -25,7 +25,10 @@ pub struct Door {
 impl Door {
     /// A door through which nobody has gone.
     pub fn new(width: usize) -> Self {
-        Self { width, ..Self::default() }
+        Self {
+            width,
+            ..Self::default()
+        }
     }
 
     /// A door as an earlier capture process left it.
@@ -38,7 +41,14 @@ impl Door {
     ) -> Self {
         let under_way: VecDeque<UnderWay> = under_way.into_iter().collect();
         let done = admitted - (under_way.len() as u64).min(admitted);
-        Self { width, under_way, admitted, done, next_tick, refused }
+        Self {
+            width,
+            under_way,
+            admitted,
+            done,
+            next_tick,
+            refused,
+        }
     }
 
     /// Whether a scan may go in.
@@ -53,7 +63,10 @@ impl Door {
 
     /// Lets the source's next scan in and numbers it.
     pub fn admit(&mut self) -> UnderWay {
-        let scan = UnderWay { sequence: self.admitted, tick: self.next_tick };
+        let scan = UnderWay {
+            sequence: self.admitted,
+            tick: self.next_tick,
+        };
         self.under_way.push_back(scan);
         self.admitted += 1;
         self.next_tick += 1;
@@ -68,11 +81,16 @@ impl Door {
 
     /// A scan came out; false when it had come out before.
     pub fn done(&mut self, sequence: u64) -> bool {
-        let place = self.under_way.iter().position(|scan| scan.sequence == sequence);
-        place.inspect(|&place| drop(self.under_way.remove(place))).is_some_and(|_| {
-            self.done += 1;
-            true
-        })
+        let place = self
+            .under_way
+            .iter()
+            .position(|scan| scan.sequence == sequence);
+        place
+            .inspect(|&place| drop(self.under_way.remove(place)))
+            .is_some_and(|_| {
+                self.done += 1;
+                true
+            })
     }
 
     /// The scans under way, in order.
@@ -82,7 +100,9 @@ impl Door {
 
     /// Every scan below this number is done.
     pub fn done_below(&self) -> u64 {
-        self.under_way.front().map_or(self.admitted, |scan| scan.sequence)
+        self.under_way
+            .front()
+            .map_or(self.admitted, |scan| scan.sequence)
     }
 
     /// Scans that went in.
@@ -139,7 +159,13 @@ mod tests {
         door.admit();
         door.refuse("the door was closed");
         door.done(0);
-        assert_eq!(door.admit(), UnderWay { sequence: 1, tick: 2 });
+        assert_eq!(
+            door.admit(),
+            UnderWay {
+                sequence: 1,
+                tick: 2
+            }
+        );
         assert_eq!(door.refused().values().sum::<u64>(), 1);
     }
 
@@ -150,7 +176,13 @@ mod tests {
             door.admit();
         }
         door.done(1);
-        let resumed = Door::resume(3, door.under_way(), door.admitted(), door.next_tick(), door.refused().clone());
+        let resumed = Door::resume(
+            3,
+            door.under_way(),
+            door.admitted(),
+            door.next_tick(),
+            door.refused().clone(),
+        );
         assert_eq!(resumed, door);
     }
 }

@@ -1,1 +1,30 @@
-//! Where scans come from: rendered scenes, folders of images, calibration
+//! Where scans come from.
+//!
+//! ```text
+//! rendered scenes ─┐
+//! a scene's folder ─┼─► Source ─► scan n, view v: size and pixels (and, where it is known, the truth)
+//! folders of them ─┘       └────► calibration, names, notices
+//! ```
+//!
+//! A [`Source`] is opened once, which checks all that can be known before the start: every head of every image, sizes,
+//! counts, the calibration. From then on [`Source::read`] gives any view of any scan, in any order and as often as
+//! wanted, always the same bytes: what was lost with a node that died is simply read again.
+
+mod camera_info;
+mod description;
+pub mod door;
+mod error;
+mod folder;
+mod image_file;
+#[cfg(feature = "node")]
+pub mod node;
+mod scene;
+mod sensor;
+mod settings;
+mod source;
+mod truth;
+
+pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
+pub use settings::Settings;
+pub use source::{Place, Source};
+pub use truth::Truth;

@@ -47,7 +47,11 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         let is_over = is_draining || failed.is_some() || capture.door.next_tick() >= total;
         // A camera has its own time; files are read as fast as they are done with.
         let since = (capture.door.next_tick() - ticks_before) as f64 / capture.settings.rate;
-        let due = if is_live { began + Duration::from_secs_f64(since) } else { began };
+        let due = if is_live {
+            began + Duration::from_secs_f64(since)
+        } else {
+            began
+        };
         let is_due = !is_over && due <= Instant::now();
         let wait = match is_due && (is_live || capture.door.is_open()) {
             true => Duration::ZERO,
@@ -90,8 +94,17 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
 }
 
 fn door(width: usize, resume: &Progress) -> Door {
-    let under_way = resume.under_way.iter().map(|&(sequence, tick)| UnderWay { sequence, tick });
-    Door::resume(width, under_way, resume.admitted, resume.next_tick, resume.refused.clone())
+    let under_way = resume
+        .under_way
+        .iter()
+        .map(|&(sequence, tick)| UnderWay { sequence, tick });
+    Door::resume(
+        width,
+        under_way,
+        resume.admitted,
+        resume.next_tick,
+        resume.refused.clone(),
+    )
 }
 
 struct Capture {
@@ -120,7 +133,11 @@ impl Capture {
                 (size, Filled::of::<Image>(&room))
             };
             let position_m = self.rig.position_m(view, size);
-            let header = Header { view: view as u32, position_m, ..Header::new(0, nanos, size) };
+            let header = Header {
+                view: view as u32,
+                position_m,
+                ..Header::new(0, nanos, size)
+            };
             loans.push((loan, filled, header));
         }
         Ok(loans)
@@ -129,7 +146,11 @@ impl Capture {
     fn send(&mut self, scan: UnderWay, loans: Loans) -> Result<(), CaptureError> {
         let done_below = self.door.done_below();
         for (loan, filled, header) in loans {
-            let header = Header { sequence: scan.sequence, done_below, ..header };
+            let header = Header {
+                sequence: scan.sequence,
+                done_below,
+                ..header
+            };
             self.images.publish(loan, &header, filled)?;
         }
         Ok(())
@@ -161,7 +182,11 @@ impl Capture {
             done_below: self.door.done_below(),
             total: Some(total),
             next_tick: self.door.next_tick(),
-            under_way: self.door.under_way().map(|scan| (scan.sequence, scan.tick)).collect(),
+            under_way: self
+                .door
+                .under_way()
+                .map(|scan| (scan.sequence, scan.tick))
+                .collect(),
             refused: self.door.refused().clone(),
         }
     }

@@ -1,0 +1,72 @@
+//! Writes what the rendered scenes show, for people to look at.
+//!
+//! `cargo run --release -p capture --example render -- FOLDER [NOISE]` writes per scene and position the picture, the
+//! true disparity (bright is near) and, in black, what not all three views see.
+
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+use capture::{Settings, Source};
+use image::ColorType;
+use messages::{Image, Owned};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let folder = arguments
+        .next()
+        .ok_or("which folder shall the pictures go to?")?;
+    let noise = arguments.next().map_or(Ok(1.0), |noise| noise.parse())?;
+    let mut source = Source::open(&Settings {
+        noise,
+        ..Settings::default()
+    })?;
+    let size = source.size();
+    let save = |name: String, pixels: &[u8]| {
+        image::save_buffer(
+            Path::new(&folder).join(name),
+            pixels,
+            size.width,
+            size.height,
+            ColorType::L8,
+        )
+    };
+    let mut image = Owned::<Image>::new(size);
+    for scan in 0..3 {
+        let (mut least, mut most) = (f32::MAX, f32::MIN);
+        let start = Instant::now();
+        for view in 0..source.view_count() {
+            image.fill(|room| source.read(scan, view, room))?;
+            save(
+                format!("{}{view}.png", source.name(scan)),
+                image.view().pixels,
+            )?;
+        }
+        let elapsed = start.elapsed();
+        for view in 0..source.view_count() {
+            let Some(truth) = source.truth(scan, view)? else {
+                continue;
+            };
+            for &disparity in &truth.disparity {
+                (least, most) = (least.min(disparity), most.max(disparity));
+            }
+            let bright: Vec<u8> = truth.disparity.iter().map(|d| (d * 6.0) as u8).collect();
+            save(
+                format!("{}{view}_disparity.png", source.name(scan)),
+                &bright,
+            )?;
+            let visible: Vec<u8> = truth
+                .visible
+                .iter()
+                .map(|&v| if v { 255 } else { 0 })
+                .collect();
+            save(format!("{}{view}_visible.png", source.name(scan)), &visible)?;
+        }
+        let name = source.name(scan);
+        eprintln!(
+            "{name}: {elapsed:.0?} for {} views, disparities {least:.1} to {most:.1}",
+            source.view_count()
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,257 @@
+//! What can be wrong with a source: each error is one sentence that says what was expected, what came, what to do.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use messages::Size;
+use messages::settings::OutOfRange;
+
+/// The least width and height of an image: less holds no curve.
+pub const LEAST_SIDE: u32 = 32;
+
+/// The most pixels of an image.
+pub const MOST_PIXELS: u64 = 64_000_000;
+
+/// Why a source cannot be opened or a scan cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SourceError {
+    /// A setting is out of range.
+    #[error(transparent)]
+    Setting(#[from] OutOfRange),
+
+    /// A scene that is not among the rendered ones.
+    #[error(
+        "there is no rendered scene {name:?}{}; known are all, tab, jack and screwdriver",
+        nearest.map_or(String::new(), |known| format!(", did you mean scene:{known}?"))
+    )]
+    UnknownScene {
+        /// What was asked for.
+        name: String,
+        /// The known name nearest to it.
+        nearest: Option<&'static str>,
+    },
+
+    /// The folder does not exist.
+    #[error(
+        "there is no folder {}; a source is a folder or one of the rendered scenes, like scene:{}",
+        path.display(),
+        nearest.unwrap_or("all")
+    )]
+    NotFound {
+        /// What was asked for.
+        path: PathBuf,
+        /// The rendered scene nearest to it.
+        nearest: Option<&'static str>,
+    },
+
+    /// A file where a folder was expected.
+    #[error("{} is a file; give the folder that holds the images of the scene", path.display())]
+    NotAFolder {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// The system refuses to open or read it.
+    #[error("{} cannot be read: {error}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        error: io::Error,
+    },
+
+    /// Nothing usable in the folder.
+    #[error(
+        "{} holds no images{}; expected are PNG, JPEG, PGM, PPM or TIFF files, or folders of them",
+        path.display(),
+        match others { 0 => String::new(), 1 => ", only one other file".to_owned(), n => format!(", only {n} other files") }
+    )]
+    Empty {
+        /// The folder.
+        path: PathBuf,
+        /// How many files of other types there are.
+        others: usize,
+    },
+
+    /// Fewer than three images.
+    #[error("{} holds {found} of the at least three views that a scene needs", path.display())]
+    TooFewViews {
+        /// The folder.
+        path: PathBuf,
+        /// How many there are.
+        found: usize,
+    },
+
+    /// Fewer than three views chosen.
+    #[error("views chooses {} of at least three: {}", chosen.len(), list(chosen))]
+    TooFewChosen {
+        /// The choice.
+        chosen: Vec<u32>,
+    },
+
+    /// Views not from left to right, or one twice.
+    #[error(
+        "views must go from left to right, each at most once, not {}",
+        list(chosen)
+    )]
+    ViewOrder {
+        /// The choice.
+        chosen: Vec<u32>,
+    },
+
+    /// A view that does not exist.
+    #[error("there is no view {view} in {scene}, whose views are 0 to {}", count - 1)]
+    NoSuchView {
+        /// The folder or rendered scene.
+        scene: String,
+        /// The view asked for.
+        view: u32,
+        /// How many it has.
+        count: usize,
+    },
+
+    /// Views at unequal distances.
+    #[error(
+        "views {} of {scene} stand {} steps along the rail, and their distances must be equal; choose others",
+        list(chosen),
+        list(positions)
+    )]
+    UnequalSteps {
+        /// The folder or rendered scene.
+        scene: String,
+        /// The choice.
+        chosen: Vec<u32>,
+        /// Where they stand, in steps.
+        positions: Vec<f64>,
+    },
+
+    /// Scenes of different numbers of views in one run.
+    #[error(
+        "{} has {found} views and the scenes before it have {expected}; choose as many of each with views",
+        path.display()
+    )]
+    ViewCount {
+        /// The folder.
+        path: PathBuf,
+        /// How many views it gives.
+        found: usize,
+        /// How many the scans before it give.
+        expected: usize,
+    },
+
+    /// No image, a damaged one, or one that ends early.
+    #[error("{} cannot be read as an image{}: {why}; replace the file or leave it out", path.display(), in_scan(*scan))]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The scan it was read for, after the start.
+        scan: Option<u64>,
+        /// What is wrong.
+        why: String,
+    },
+
+    /// Pixels that are not 8 or 16 bit.
+    #[error("{} has floating-point pixels; convert it to 8 or 16 bit", path.display())]
+    FloatingPoint {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// Too small for a curve.
+    #[error("{} is {size} pixels; at least {LEAST_SIDE}x{LEAST_SIDE} are needed", path.display())]
+    TooSmall {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        size: Size,
+    },
+
+    /// Too large.
+    #[error("{} is {size} pixels, more than {} megapixels; scale it down", path.display(), MOST_PIXELS / 1_000_000)]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        size: Size,
+    },
+
+    /// Views of one scene that differ in size.
+    #[error(
+        "{} is {size} pixels and {} is {expected}; the views of one scene must be of one size",
+        path.display(),
+        first.display()
+    )]
+    SizeDiffers {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        size: Size,
+        /// The first view's file.
+        first: PathBuf,
+        /// The first view's size.
+        expected: Size,
+    },
+
+    /// An image that is no longer what it was at the start.
+    #[error(
+        "{} was {expected} pixels at the start and is {size} in scan {scan}; leave the files alone during a run",
+        path.display()
+    )]
+    Changed {
+        /// The file.
+        path: PathBuf,
+        /// The scan.
+        scan: u64,
+        /// Its size now.
+        size: Size,
+        /// Its size at the start.
+        expected: Size,
+    },
+
+    /// A scene.json that makes no sense.
+    #[error("{} does not describe a scene: {why}", path.display())]
+    Description {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+
+    /// A ground truth that cannot be used.
+    #[error("{} is no ground truth: {why}", path.display())]
+    GroundTruth {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+
+    /// A camera_info file that cannot be used.
+    #[error("{} gives no calibration: {why}", path.display())]
+    CameraInfo {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+}
+
+impl SourceError {
+    pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |error| Self::Io { path, error }
+    }
+}
+
+fn list<T: ToString>(values: &[T]) -> String {
+    values
+        .iter()
+        .map(T::to_string)
+        .collect::<Vec<_>>()
+        .join(",")
+}
+
+fn in_scan(scan: Option<u64>) -> String {
+    scan.map_or(String::new(), |scan| format!(" in scan {scan}"))
+}

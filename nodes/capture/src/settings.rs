@@ -1,0 +1,61 @@
+//! Settings of the capture node.
+
+messages::settings! {
+    /// Where scans come from and how many of them there are.
+    pub struct Settings {
+        /// `scene:tab`, `scene:jack`, `scene:screwdriver` (rendered), `scene:all` (the three in turn), or the path of a
+        /// folder: of one scene's images, or of such folders, one scan each.
+        pub source: String = "scene:all".to_owned();
+        /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps. Empty: all
+        /// of exactly three, else the first triple that `scene.json` lists, else the first three.
+        pub views: Vec<u32> = Vec::new(), in 0..=1000000;
+        /// How many scans; a source with fewer begins again. By default a folder is read once and a rendered scene
+        /// gives 30 scans: one or two seconds of work, enough for steady figures.
+        pub scans: Option<u64> = None, in 1..=1e15;
+        /// How many scans may be under way at once. Eight keep every stage of the chain busy, with one scan waiting
+        /// before each.
+        pub in_flight: usize = 8, in 1..=30;
+        /// Scans a second, in Hz, by which a source without times of its own is dated: scan n is taken n / rate after
+        /// the start. It does not slow the source down.
+        pub rate: f64 = 10.0, in 0.001..=1000000.0;
+        /// When the first scan was taken, in nanoseconds since 1970; by default now. Two runs with the same start are
+        /// equal to the byte.
+        pub start: Option<u64> = None;
+        /// Distance between neighbouring chosen views, in metres; overrides what the source knows.
+        pub baseline: Option<f64> = None, in 0.000001..=10000.0;
+        /// Focal length, in pixels; overrides what the source knows.
+        pub focal: Option<f64> = None, in 1.0..=1000000.0;
+        /// Column of the principal point, in pixels; overrides what the source knows.
+        pub cx: Option<f64> = None, in -100000.0..=100000.0;
+        /// Row of the principal point, in pixels; overrides what the source knows.
+        pub cy: Option<f64> = None, in -100000.0..=100000.0;
+        /// Path of a ROS `camera_info` YAML of the rectified images; the right camera's also holds the baseline.
+        pub camera_info: Option<String> = None;
+        /// Standard deviation of the sensor noise of rendered scenes, in gray levels. One level is what a machine
+        /// vision camera shows at moderate gain.
+        pub noise: f32 = 1.0, in 0.0..=32.0;
+        /// Seed of that noise.
+        pub seed: u64 = 1;
+    }
+}
+
+impl Settings {
+    /// The thesis's triples: left, central and right view of its three objects, 512x480, 8 bit.
+    pub fn thesis() -> Self {
+        Self {
+            views: vec![0, 1, 2],
+            ..Self::default()
+        }
+    }
+
+    /// When a scan is taken, in nanoseconds since 1970, in a run that starts at `start`.
+    pub fn nanos(&self, start: u64, scan: u64) -> u64 {
+        // Whole seconds are counted apart, so that late scans are dated as exactly as early ones.
+        let seconds = scan as f64 / self.rate;
+        let whole = seconds.floor();
+        let rest = (seconds - whole) * 1e9;
+        start
+            .saturating_add((whole as u64).saturating_mul(1_000_000_000))
+            .saturating_add(rest.round() as u64)
+    }
+}

@@ -1,0 +1,442 @@
+//! One source of scans, whatever it is made of.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use messages::settings::{self, Settings as _};
+use messages::{Calibration, ImageRoom, Size};
+
+use crate::camera_info::{self, Known};
+use crate::error::SourceError;
+use crate::folder::{self, Album, Choice, Why};
+use crate::image_file;
+use crate::scene::{self, Object, Rendered};
+use crate::sensor::Sensor;
+use crate::settings::Settings;
+use crate::truth::Truth;
+
+/// Scans of a rendered scene, when the settings do not say how many.
+const RENDERED_SCANS: u64 = 30;
+
+/// Where scans come from: opened once, read at any scan.
+#[derive(Debug)]
+pub struct Source {
+    kind: Kind,
+    scans: u64,
+    calibration: Option<Calibration>,
+    notices: Vec<String>,
+    warnings: Vec<String>,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Rendered {
+        scenes: Vec<Rendered>,
+        sensor: Sensor,
+    },
+    Folders {
+        albums: Vec<Album>,
+        kept: Kept,
+    },
+}
+
+/// A chosen view of a scan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Its file's name, or the position of a rendered scene.
+    pub name: String,
+    /// Where its camera stands along the rail, in the source's own steps.
+    pub position_steps: f64,
+}
+
+impl Source {
+    /// Opens a source and checks all that can be known before the start; the first scan of a folder is decoded whole.
+    ///
+    /// # Errors
+    /// What is wrong with the source or the settings, in one sentence.
+    pub fn open(settings: &Settings) -> Result<Self, SourceError> {
+        settings.check()?;
+        match settings.source.strip_prefix("scene:") {
+            Some(name) => Self::rendered(name, settings),
+            None => Self::folders(Path::new(&settings.source), settings),
+        }
+    }
+
+    fn rendered(name: &str, settings: &Settings) -> Result<Self, SourceError> {
+        let is_meant = |object: &Object| name == "all" || name == object.name();
+        let objects: Vec<Object> = Object::ALL.into_iter().filter(is_meant).collect();
+        if objects.is_empty() {
+            let nearest = settings::nearest(name, known_scenes());
+            return Err(SourceError::UnknownScene {
+                name: name.to_owned(),
+                nearest,
+            });
+        }
+        // A rail of five positions has no triple of its own: its first three are meant.
+        let choice = Choice::among(&settings.views, scene::POSITIONS, None);
+        let positions: Vec<f64> = (0..scene::POSITIONS)
+            .map(|position| position as f64)
+            .collect();
+        let step = choice.step(&settings.source, &positions)?;
+        let (calibration, warnings) = calibration(settings, scene::camera(step), &[scene::SIZE])?;
+        let scenes = objects
+            .into_iter()
+            .map(|object| Rendered::new(object, &choice.views))
+            .collect();
+        Ok(Self {
+            kind: Kind::Rendered {
+                scenes,
+                sensor: Sensor::new(settings.noise, settings.seed),
+            },
+            scans: settings.scans.unwrap_or(RENDERED_SCANS),
+            calibration,
+            notices: Vec::new(),
+            warnings,
+        })
+    }
+
+    fn folders(path: &Path, settings: &Settings) -> Result<Self, SourceError> {
+        folder::check(path, settings::nearest(&settings.source, known_scenes()))?;
+        let albums = folder::open(path, &settings.views)?;
+        let sizes: Vec<Size> = albums.iter().map(|album| album.size).collect();
+        let (calibration, warnings) = calibration(settings, Known::default(), &sizes)?;
+        let mut kept = Kept::default();
+        for view in 0..albums[0].shots.len() {
+            kept.pixels(&albums, 0, view, None)?;
+        }
+        Ok(Self {
+            scans: settings.scans.unwrap_or(albums.len() as u64),
+            calibration,
+            notices: notices(&albums),
+            warnings,
+            kind: Kind::Folders { albums, kept },
+        })
+    }
+
+    /// How many scans there are; a source that holds fewer begins again.
+    pub fn scans(&self) -> u64 {
+        self.scans
+    }
+
+    /// How many views each scan has.
+    pub fn view_count(&self) -> usize {
+        self.views(0).len()
+    }
+
+    /// The chosen views of a scan, left to right.
+    pub fn views(&self, scan: u64) -> Vec<Place> {
+        match &self.kind {
+            Kind::Rendered { scenes, .. } => scenes[turn(scan, scenes)]
+                .positions
+                .iter()
+                .map(|&position| Place {
+                    name: format!("position {position}"),
+                    position_steps: position.into(),
+                })
+                .collect(),
+            Kind::Folders { albums, .. } => albums[turn(scan, albums)]
+                .shots
+                .iter()
+                .map(|shot| Place {
+                    name: folder::name(&shot.path),
+                    position_steps: shot.position,
+                })
+                .collect(),
+        }
+    }
+
+    /// A name for what a scan shows: the rendered object's, or its folder's.
+    pub fn name(&self, scan: u64) -> &str {
+        match &self.kind {
+            Kind::Rendered { scenes, .. } => scenes[turn(scan, scenes)].object.name(),
+            Kind::Folders { albums, .. } => &albums[turn(scan, albums)].name,
+        }
+    }
+
+    /// The size of a scan's images.
+    pub fn size_of(&self, scan: u64) -> Size {
+        match &self.kind {
+            Kind::Rendered { .. } => scene::SIZE,
+            Kind::Folders { albums, .. } => albums[turn(scan, albums)].size,
+        }
+    }
+
+    /// The size that holds the images of every scan.
+    pub fn size(&self) -> Size {
+        match &self.kind {
+            Kind::Rendered { .. } => scene::SIZE,
+            Kind::Folders { albums, .. } => albums
+                .iter()
+                .fold(Size::default(), |size, album| size.union(album.size)),
+        }
+    }
+
+    /// The calibration, when anything is known: a rendered scene knows its own, settings and the `camera_info` file
+    /// come before it. Its baseline is the distance between neighbouring chosen views.
+    pub fn calibration(&self) -> Option<Calibration> {
+        self.calibration
+    }
+
+    /// What the user should be told once: conversions, chosen views, ignored files.
+    pub fn notices(&self) -> &[String] {
+        &self.notices
+    }
+
+    /// What makes results less than they could be: a missing calibration.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Writes a chosen view of a scan into the room, 8-bit gray row by row, and says its size. The same scan and view
+    /// always give the same bytes.
+    ///
+    /// # Errors
+    /// An image that cannot be decoded, or that is no longer of the size it had when the source was opened.
+    ///
+    /// # Panics
+    /// When there is no such view.
+    pub fn read(
+        &mut self,
+        scan: u64,
+        view: usize,
+        out: &mut ImageRoom<'_>,
+    ) -> Result<Size, SourceError> {
+        out.clear();
+        match &mut self.kind {
+            Kind::Rendered { scenes, sensor } => {
+                let scene = &scenes[turn(scan, scenes)];
+                let position = scene.positions[view];
+                let room = out.pixels.grow(scene::SIZE.pixels());
+                sensor.expose(
+                    scene.picture(view),
+                    scene::SIZE.width as usize,
+                    scan,
+                    position.into(),
+                    room,
+                );
+                Ok(scene::SIZE)
+            }
+            Kind::Folders { albums, kept } => {
+                let album = turn(scan, albums);
+                out.pixels
+                    .extend_from_slice(kept.pixels(albums, album, view, Some(scan))?);
+                Ok(albums[album].size)
+            }
+        }
+    }
+
+    /// The true disparities of a chosen view of a scan, per step between neighbouring chosen views, when they are
+    /// known: exact for rendered scenes, for folders what `scene.json` names.
+    ///
+    /// # Errors
+    /// A ground truth file that cannot be read or does not fit.
+    ///
+    /// # Panics
+    /// When there is no such view.
+    pub fn truth(&self, scan: u64, view: usize) -> Result<Option<Truth>, SourceError> {
+        match &self.kind {
+            Kind::Rendered { scenes, .. } => Ok(Some(scenes[turn(scan, scenes)].truth(view))),
+            Kind::Folders { albums, .. } => filed_truth(&albums[turn(scan, albums)], view),
+        }
+    }
+}
+
+/// Which of the source's scenes a scan shows: they take turns.
+fn turn<T>(scan: u64, scenes: &[T]) -> usize {
+    (scan % scenes.len() as u64) as usize
+}
+
+fn known_scenes() -> impl Iterator<Item = &'static str> {
+    Object::ALL.into_iter().map(Object::name).chain(["all"])
+}
+
+/// The calibration for these sizes, and what is missing: single settings count before the file, the file before what
+/// the source knows.
+fn calibration(
+    settings: &Settings,
+    own: Known,
+    sizes: &[Size],
+) -> Result<(Option<Calibration>, Vec<String>), SourceError> {
+    let filed = match &settings.camera_info {
+        Some(path) => camera_info::read(Path::new(path), sizes)?,
+        None => own,
+    };
+    let known = Known::or(settings, filed);
+    let size = sizes
+        .iter()
+        .fold(Size::default(), |most, &size| most.union(size));
+    let taken = known
+        .calibration(size)
+        .unwrap_or(Calibration::assumed(size));
+    let (focal, baseline) = (taken.focal_px, taken.baseline_m);
+    let warning = match (known.focal_px, known.baseline_m) {
+        (Some(_), Some(_)) => None,
+        (None, Some(_)) => Some(format!(
+            "the focal length is unknown, {focal} px are assumed; set focal"
+        )),
+        (Some(_), None) => Some(format!(
+            "the baseline is unknown, {baseline} m are assumed; set baseline"
+        )),
+        (None, None) => Some(format!(
+            "no calibration, {focal} px and {baseline} m are assumed; set focal and baseline, or camera_info"
+        )),
+    };
+    let warnings = warning.map(|why| format!("depths are in arbitrary units: {why}"));
+    Ok((known.calibration(size), warnings.into_iter().collect()))
+}
+
+/// What is to be said once about folders of images.
+fn notices(albums: &[Album]) -> Vec<String> {
+    let mut notices = Vec::new();
+    for why in [Why::FirstTriple, Why::FirstThree] {
+        let chosen: Vec<&Album> = albums
+            .iter()
+            .filter(|album| album.choice.why == why)
+            .collect();
+        let Some(first) = chosen.first() else {
+            continue;
+        };
+        let reason = match why {
+            Why::FirstTriple => "the first triple that scene.json lists",
+            _ => "the first three of more",
+        };
+        let differ = chosen
+            .iter()
+            .any(|album| album.choice.views != first.choice.views);
+        let views: Vec<String> = first.choice.views.iter().map(u32::to_string).collect();
+        notices.push(match (differ, albums.len()) {
+            (true, _) => format!("of each scene, {reason} is taken; choose others with views"),
+            (false, 1) => format!(
+                "views {} are taken, {reason}; choose others with views",
+                views.join(",")
+            ),
+            (false, _) => format!(
+                "views {} of each scene are taken, {reason}; choose others with views",
+                views.join(",")
+            ),
+        });
+    }
+    if albums.iter().any(|album| album.is_colour) {
+        notices.push("colour images are converted to gray".to_owned());
+    }
+    if albums.iter().any(|album| album.is_deep) {
+        notices.push("16-bit images are scaled to 8 bit".to_owned());
+    }
+    match albums.iter().map(|album| album.others).sum() {
+        0 => {}
+        1 => notices.push("one file of another type is ignored".to_owned()),
+        others => notices.push(format!("{others} files of other types are ignored")),
+    }
+    notices
+}
+
+/// The truth that `scene.json` names for a view: 256 times the disparity per one step, 0 where unknown.
+fn filed_truth(album: &Album, view: usize) -> Result<Option<Truth>, SourceError> {
+    let Some(path) = &album.shots[view].truth else {
+        return Ok(None);
+    };
+    let wrong = |why: String| SourceError::GroundTruth {
+        path: path.clone(),
+        why,
+    };
+    let Some((size, values)) = image_file::deep_pixels(path)? else {
+        return Err(wrong(
+            "it must be 16-bit gray, 256 times the disparity per step".to_owned(),
+        ));
+    };
+    if size != album.size {
+        return Err(wrong(format!(
+            "it is {size} pixels and its view is {}",
+            album.size
+        )));
+    }
+    let scale = album.step as f32 / 256.0;
+    let disparity = values.into_iter().map(|value| {
+        if value == 0 {
+            f32::NAN
+        } else {
+            f32::from(value) * scale
+        }
+    });
+    Ok(Some(Truth::from_disparity(
+        size,
+        disparity.collect(),
+        view,
+        album.shots.len(),
+    )))
+}
+
+/// Decoded images, so that reading one again costs a copy; those unused for longest make room for others.
+#[derive(Debug, Default)]
+struct Kept {
+    /// By scene and view.
+    images: BTreeMap<(usize, usize), Image>,
+    bytes: usize,
+    reads: u64,
+}
+
+#[derive(Debug)]
+struct Image {
+    pixels: Vec<u8>,
+    last_read: u64,
+}
+
+impl Kept {
+    /// The most bytes kept: some hundred images of a megapixel.
+    const MOST: usize = 256 << 20;
+
+    /// The pixels of a view; `scan` is named when they cannot be had.
+    fn pixels(
+        &mut self,
+        albums: &[Album],
+        album: usize,
+        view: usize,
+        scan: Option<u64>,
+    ) -> Result<&[u8], SourceError> {
+        let key = (album, view);
+        if !self.images.contains_key(&key) {
+            let path = &albums[album].shots[view].path;
+            let (size, pixels) = image_file::pixels(path, scan)?;
+            let expected = albums[album].size;
+            if size != expected {
+                return Err(SourceError::Changed {
+                    path: path.clone(),
+                    scan: scan.unwrap_or_default(),
+                    size,
+                    expected,
+                });
+            }
+            self.make_room(pixels.len());
+            self.bytes += pixels.len();
+            self.images.insert(
+                key,
+                Image {
+                    pixels,
+                    last_read: 0,
+                },
+            );
+        }
+        self.reads += 1;
+        let reads = self.reads;
+        let image = self.images.get_mut(&key).map(|image| {
+            image.last_read = reads;
+            &*image.pixels
+        });
+        Ok(image.unwrap_or_default())
+    }
+
+    /// Forgets images until so many bytes more are no more than allowed.
+    fn make_room(&mut self, bytes: usize) {
+        while self.bytes + bytes > Self::MOST {
+            let oldest = self
+                .images
+                .iter()
+                .min_by_key(|(_, image)| image.last_read)
+                .map(|(&key, _)| key);
+            let Some(image) = oldest.and_then(|key| self.images.remove(&key)) else {
+                break;
+            };
+            self.bytes -= image.pixels.len();
+        }
+    }
+}
