@@ -35,3 +35,10 @@ pub use seal::{SealError, Sealed, seal};
 pub use settings::{Compression, Settings};
 pub use thread::{Report, WriterThread, spawn};
 pub use writer::{WriteError, Writer, Written};
+
+#[cfg(test)]
+extern crate self as record;
+
+#[cfg(test)]
+#[path = "../tests/synthetic/mod.rs"]
+mod synthetic;

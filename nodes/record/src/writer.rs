@@ -447,3 +447,115 @@ fn mcap_error(path: &Path, source: mcap::McapError) -> WriteError {
         },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
+    use super::*;
+    use crate::synthetic::{self, Scan};
+    use crate::{Info, Recording};
+    use messages::Size;
+    use std::io::Write;
+    use std::ops::Range;
+
+    /// A disk with so much room, which it may or may not set aside.
+    #[derive(Debug)]
+    struct Small {
+        file: File,
+        room: u64,
+        allocates: bool,
+        allocated: u64,
+    }
+
+    impl Disk for Small {
+        fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+            let here = self.file.metadata()?.len();
+            let fits = (self.room - here).min(bytes.len() as u64) as usize;
+            self.file.write_all(&bytes[..fits])?;
+            if fits < bytes.len() {
+                Err(io::ErrorKind::StorageFull.into())
+            } else {
+                Ok(())
+            }
+        }
+
+        fn allocate(&mut self, range: Range<u64>) -> io::Result<()> {
+            if self.allocates && range.end > self.room {
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            self.allocated = range.end;
+            Ok(())
+        }
+
+        fn cut(&mut self, len: u64) -> io::Result<()> {
+            Disk::cut(&mut self.file, len)
+        }
+
+        fn sync(&mut self) -> io::Result<()> {
+            self.file.sync()
+        }
+    }
+
+    /// Records onto a small disk until it is full, and gives how many scans were written.
+    fn fill(path: &Path, room: u64, allocates: bool) -> u64 {
+        let rig = synthetic::rig(Size::new(64, 48));
+        let settings = Settings {
+            compression: Compression::None,
+            ..Settings::default()
+        };
+        let mut encoder = synthetic::encoder(&rig, &settings);
+        let open: Open = Box::new(move |path| {
+            let file = File::create(path).unwrap();
+            Ok(Box::new(Small {
+                file,
+                room,
+                allocates,
+                allocated: 0,
+            }))
+        });
+        let metadata = synthetic::metadata(&rig);
+        let identity = Identity {
+            recording: "x".to_owned(),
+            part: 0,
+        };
+        let mut writer =
+            Writer::start(path, identity, &metadata, &encoder, &settings, open).unwrap();
+        for sequence in 0.. {
+            let batch = synthetic::batch(&mut encoder, &Scan::new(&rig, sequence, 6));
+            if let Err(error) = writer.write(&batch) {
+                assert!(matches!(error, WriteError::Full(_)), "{error}");
+                let told = error.to_string();
+                assert!(told.contains("disk is full"), "{told}");
+                assert!(matches!(writer.write(&batch), Err(WriteError::Ended)));
+                assert!(matches!(writer.finish(None), Err(WriteError::Ended)));
+                return sequence;
+            }
+        }
+        0
+    }
+
+    #[test]
+    fn on_a_full_disk_all_scans_written_stay_readable_and_the_file_is_finished() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("full.mcap");
+        for (allocates, room) in [
+            (true, 1_200_000),
+            (true, 1_234_567),
+            (false, 900_000),
+            (false, 812_345),
+        ] {
+            let scans = fill(&path, room, allocates);
+            assert!(scans > 1);
+            let mut recording = Recording::open(&path).unwrap();
+            assert!(recording.is_complete(), "{:?}", recording.notes());
+            assert!(recording.scans().eq(0..scans));
+            for scan in 0..scans {
+                recording.scan(scan).unwrap();
+            }
+            assert_eq!(Info::of(&recording).scans.whole as u64, scans);
+            // Where room can be set aside, there was enough for the index too.
+            let len = fs::metadata(&path).unwrap().len();
+            assert!(!allocates || len <= room, "{len} of {room}");
+        }
+    }
+}
