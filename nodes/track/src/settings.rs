@@ -14,10 +14,12 @@ messages::settings! {
         pub strictness: f32 = 1.0, in 0.0..=100.0;
         /// Degrees by which the orientations of successive points may differ. On sixteen real scenes at σ² = 1.5, 10
         /// track 25 % of the zero-crossings, 40 track 51 %, 60 track 56 %, 90 track 57 %; from 40 to 60 the points
-        /// gained are found again in the next view more often (90 %) than the others.
-        pub tolerance_degrees: f32 = 60.0, in 0..=180;
-        /// Points a curve has at least.
-        pub min_points: usize = 8, in 2..=100000;
+        /// gained are found again in the next view more often (90 %) than the others. After matching, 60 cover 0.67 of
+        /// the Canny edges with 0.46 % wrong by more than a pixel, 90 cover 0.68 with 0.43 %.
+        pub tolerance_degrees: f32 = 90.0, in 0..=180;
+        /// Points a curve has at least. From 8 to 5 coverage after matching grows from 0.55 to 0.57, and the share wrong
+        /// by more than a pixel falls.
+        pub min_points: usize = 5, in 2..=100000;
     }
 }
 
