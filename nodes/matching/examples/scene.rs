@@ -14,7 +14,8 @@ use std::time::Instant;
 use matching::{ChannelView, Matcher};
 use messages::settings::Settings;
 use messages::{
-    Calibration, Curves, Disparity, Edges, Image, Matches, MatchesRoom, Message, Owned, Points, Size, Tables,
+    Calibration, Curves, Disparity, Edges, Image, Matches, MatchesRoom, Message, Owned, Points,
+    Size, Tables,
 };
 use serde_json::Value;
 
@@ -24,7 +25,8 @@ fn settings<S: Settings>(node: &str, base: S, overrides: &[String]) -> Result<S,
     for text in overrides {
         let (key, value) = text.split_once('=').ok_or("--set node.key=value")?;
         if let Some(key) = key.strip_prefix(node).and_then(|key| key.strip_prefix('.')) {
-            json[key] = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+            json[key] =
+                serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
         }
     }
     let settings: S = serde_json::from_value(json)?;
@@ -46,15 +48,33 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let [folder, views] = places.as_slice() else {
-        return Err("scene FOLDER 1,3,5 [--csv FILE] [--png FILE] [--thesis] [--set node.key=value]".into());
+        return Err(
+            "scene FOLDER 1,3,5 [--csv FILE] [--png FILE] [--thesis] [--set node.key=value]".into(),
+        );
     };
     fn profile<S: Default>(thesis: bool, literal: S) -> S {
         if thesis { literal } else { S::default() }
     }
-    let filter_settings = settings("filter", profile(thesis, filter::Settings::thesis()), &overrides)?;
-    let track_settings = settings("track", profile(thesis, track::Settings::thesis()), &overrides)?;
-    let hough_settings = settings("hough", profile(thesis, hough::Settings::thesis()), &overrides)?;
-    let match_settings = settings("match", profile(thesis, matching::Settings::thesis()), &overrides)?;
+    let filter_settings = settings(
+        "filter",
+        profile(thesis, filter::Settings::thesis()),
+        &overrides,
+    )?;
+    let track_settings = settings(
+        "track",
+        profile(thesis, track::Settings::thesis()),
+        &overrides,
+    )?;
+    let hough_settings = settings(
+        "hough",
+        profile(thesis, hough::Settings::thesis()),
+        &overrides,
+    )?;
+    let match_settings = settings(
+        "match",
+        profile(thesis, matching::Settings::thesis()),
+        &overrides,
+    )?;
 
     let mut images = Vec::new();
     for view in views.split(',') {
@@ -62,7 +82,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let first = images.first().ok_or("three views are needed")?;
     let size = Size::new(first.width(), first.height());
-    if images.len() != 3 || images.iter().any(|image| image.dimensions() != first.dimensions()) {
+    if images.len() != 3
+        || images
+            .iter()
+            .any(|image| image.dimensions() != first.dimensions())
+    {
         return Err("three views of one size are needed".into());
     }
 
@@ -72,11 +96,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut tabulator = hough::Tabulator::new(&hough_settings, size);
     let mut matcher = Matcher::new(&match_settings, &channels);
     let (mut image, mut edges) = (Owned::<Image>::new(size), Owned::<Edges>::new(size));
-    let mut curves: Vec<_> = (0..3 * channels.len()).map(|_| Owned::<Curves>::new(size)).collect();
-    let mut tables: Vec<_> = (0..3 * channels.len()).map(|_| Owned::<Tables>::new(size)).collect();
-    let mut words: Vec<Vec<u64>> = channels.iter().map(|_| vec![0; Matches::words(size)]).collect();
-    let mut rooms: Vec<MatchesRoom<'_>> =
-        words.iter_mut().filter_map(|words| Matches::room(words, size)).collect();
+    let mut curves: Vec<_> = (0..3 * channels.len())
+        .map(|_| Owned::<Curves>::new(size))
+        .collect();
+    let mut tables: Vec<_> = (0..3 * channels.len())
+        .map(|_| Owned::<Tables>::new(size))
+        .collect();
+    let mut words: Vec<Vec<u64>> = channels
+        .iter()
+        .map(|_| vec![0; Matches::words(size)])
+        .collect();
+    let mut rooms: Vec<MatchesRoom<'_>> = words
+        .iter_mut()
+        .filter_map(|words| Matches::room(words, size))
+        .collect();
     let (mut disparity, mut points) = (Owned::<Disparity>::new(size), Owned::<Points>::new(size));
 
     // The second time round every page of memory is in place.
@@ -107,13 +140,19 @@ fn main() -> Result<(), Box<dyn Error>> {
                 lap(2);
             }
         }
-        let view = |at: usize| ChannelView { curves: curves[at].view(), tables: tables[at].view() };
-        let inputs: Vec<[ChannelView<'_>; 3]> =
-            (0..channels.len()).map(|channel| [0, 1, 2].map(|v| view(3 * channel + v))).collect();
+        let view = |at: usize| ChannelView {
+            curves: curves[at].view(),
+            tables: tables[at].view(),
+        };
+        let inputs: Vec<[ChannelView<'_>; 3]> = (0..channels.len())
+            .map(|channel| [0, 1, 2].map(|v| view(3 * channel + v)))
+            .collect();
         let calibration = Calibration::assumed(size);
         let start = Instant::now();
         disparity.fill(|disparity| {
-            points.fill(|points| matcher.process(&inputs, size, &calibration, &mut rooms, disparity, points));
+            points.fill(|points| {
+                matcher.process(&inputs, size, &calibration, &mut rooms, disparity, points)
+            });
         });
         let matching = start.elapsed().as_secs_f64();
         let [filter, track, hough, _] = seconds.map(|seconds| 1e3 * seconds);
@@ -123,7 +162,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
     }
     for (channel, room) in channels.iter().zip(&rooms) {
-        println!("channel {channel}: {} curves matched, {} points", room.matches.len(), room.points.len());
+        println!(
+            "channel {channel}: {} curves matched, {} points",
+            room.matches.len(),
+            room.points.len()
+        );
     }
     println!("{} points", points.view().points.len());
     if let Some(path) = csv {
@@ -132,7 +175,14 @@ fn main() -> Result<(), Box<dyn Error>> {
             writeln!(
                 text,
                 "0,{},{},{},{},{},{},{},{}",
-                match_settings.reference as u8, channels[p.channel as usize], p.curve, p.u, p.v, p.disparity, p.score, p.z
+                match_settings.reference as u8,
+                channels[p.channel as usize],
+                p.curve,
+                p.u,
+                p.v,
+                p.disparity,
+                p.score,
+                p.z
             )?;
         }
         std::fs::write(path, text)?;
@@ -150,7 +200,13 @@ fn picture(disparity: &[f32], size: Size) -> image::RgbImage {
     let colour = |d: f32| {
         let t = (d - least) / (most - least).max(1e-6);
         let hill = |centre: f32| (255.0 * (1.5 - 4.0 * (t - centre).abs()).clamp(0.0, 1.0)) as u8;
-        image::Rgb(if d.is_finite() { [hill(0.75), hill(0.5), hill(0.25)] } else { [0; 3] })
+        image::Rgb(if d.is_finite() {
+            [hill(0.75), hill(0.5), hill(0.25)]
+        } else {
+            [0; 3]
+        })
     };
-    image::RgbImage::from_fn(size.width, size.height, |x, y| colour(disparity[(y * size.width + x) as usize]))
+    image::RgbImage::from_fn(size.width, size.height, |x, y| {
+        colour(disparity[(y * size.width + x) as usize])
+    })
 }

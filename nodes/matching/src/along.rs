@@ -90,10 +90,21 @@ impl Along {
         near_curve: impl Fn(u32) -> u32,
         choices: &mut [Choice],
     ) {
-        let Smoothness { nothing, change, jump, crossing } = *smoothness;
+        let Smoothness {
+            nothing,
+            change,
+            jump,
+            crossing,
+        } = *smoothness;
         self.states.clear();
         self.starts.clear();
-        let start = State { cost: 0.0, disparity: f32::NAN, curve: NONE, back: NONE, candidate: NONE };
+        let start = State {
+            cost: 0.0,
+            disparity: f32::NAN,
+            curve: NONE,
+            back: NONE,
+            candidate: NONE,
+        };
         self.states.push(start);
         let mut before = 0..1;
         for point in points.clone() {
@@ -136,7 +147,10 @@ impl Along {
                 });
             }
             // A state dearer than a jump from the cheapest can never win again.
-            let least = self.states[first..].iter().map(|s| s.cost).fold(f32::INFINITY, f32::min);
+            let least = self.states[first..]
+                .iter()
+                .map(|s| s.cost)
+                .fold(f32::INFINITY, f32::min);
             let mut kept = first;
             for i in first..self.states.len() {
                 if self.states[i].cost <= least + jump {
@@ -151,7 +165,13 @@ impl Along {
         self.trace(points, candidates, best.unwrap_or(0), choices);
     }
 
-    fn trace(&self, points: std::ops::Range<usize>, candidates: &Candidates, best: usize, choices: &mut [Choice]) {
+    fn trace(
+        &self,
+        points: std::ops::Range<usize>,
+        candidates: &Candidates,
+        best: usize,
+        choices: &mut [Choice],
+    ) {
         let mut at = best;
         for point in points.clone().rev() {
             let choice = &mut choices[point];
@@ -165,10 +185,22 @@ impl Along {
                 continue;
             }
             let own = candidates.of(point);
-            let Candidate { disparity, cost, bend, spots } = own[state.candidate as usize];
+            let Candidate {
+                disparity,
+                cost,
+                bend,
+                spots,
+            } = own[state.candidate as usize];
             let elsewhere = own.iter().filter(|c| (c.disparity - disparity).abs() > 1.0);
             let rival = elsewhere.map(|c| c.cost).fold(1.0, f32::min);
-            *choice = Choice { disparity, cost, margin: rival - cost, bend, spots, ..Choice::NOTHING };
+            *choice = Choice {
+                disparity,
+                cost,
+                margin: rival - cost,
+                bend,
+                spots,
+                ..Choice::NOTHING
+            };
         }
     }
 }
@@ -279,6 +311,195 @@ pub(crate) fn straighten(choices: &mut [Choice], reach: usize, step: f32, smooth
             }
         }
         let spread = n * tt - t * t;
-        choices[at].disparity = if n >= 3.0 && spread > 0.0 { (tt * d - t * td) / spread } else { here };
+        choices[at].disparity = if n >= 3.0 && spread > 0.0 {
+            (tt * d - t * td) / spread
+        } else {
+            here
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chance(seed: usize) -> f32 {
+        let mixed = (seed as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32
+            / (1u64 << 24) as f32
+    }
+
+    /// What a way of choosing costs, said plainly.
+    fn price(way: &[Option<Candidate>], has: &[bool], smoothness: &Smoothness) -> f32 {
+        let (mut sum, mut last) = (0.0, None::<Candidate>);
+        for (choice, has) in way.iter().zip(has) {
+            match choice {
+                Some(candidate) => {
+                    sum += candidate.cost;
+                    if let Some(last) = last {
+                        let crossing = if last.spots[0] == candidate.spots[0] {
+                            0.0
+                        } else {
+                            smoothness.crossing
+                        };
+                        let change =
+                            smoothness.change * (last.disparity - candidate.disparity).abs();
+                        sum += (change + crossing).min(smoothness.jump);
+                    }
+                    last = Some(*candidate);
+                }
+                None => sum += if *has { smoothness.nothing } else { 0.0 },
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn no_other_way_along_the_curve_is_cheaper() {
+        let smoothness = Smoothness {
+            nothing: 1.0,
+            change: 0.5,
+            jump: 1.4,
+            crossing: 0.2,
+        };
+        for seed in 0..40 {
+            let lists: Vec<Vec<Candidate>> = (0..6)
+                .map(|point| {
+                    let count = (4.0 * chance(seed * 100 + point)) as usize;
+                    let candidate = |i: usize| Candidate {
+                        disparity: 6.0 * chance(seed * 1000 + point * 10 + i),
+                        cost: 1.5 * chance(seed * 2000 + point * 10 + i),
+                        bend: 0.0,
+                        spots: [(2.0 * chance(seed * 3000 + point * 10 + i)) as u32, 0],
+                    };
+                    (0..count).map(candidate).collect()
+                })
+                .collect();
+            let mut ways: Vec<Vec<Option<Candidate>>> = vec![Vec::new()];
+            for own in &lists {
+                let options: Vec<Option<Candidate>> = std::iter::once(None)
+                    .chain(own.iter().copied().map(Some))
+                    .collect();
+                ways = ways
+                    .iter()
+                    .flat_map(|way| {
+                        options
+                            .iter()
+                            .map(move |option| way.iter().copied().chain([*option]).collect())
+                    })
+                    .collect();
+            }
+            let has: Vec<bool> = lists.iter().map(|own| !own.is_empty()).collect();
+            let least = ways
+                .iter()
+                .map(|way| price(way, &has, &smoothness))
+                .fold(f32::INFINITY, f32::min);
+
+            let candidates = Candidates::from_lists(&lists);
+            let mut choices = [Choice::NOTHING; 6];
+            Along::default().choose(0..6, &candidates, &smoothness, |spot| spot, &mut choices);
+            let way: Vec<Option<Candidate>> = choices
+                .iter()
+                .zip(&lists)
+                .map(|(choice, own)| {
+                    own.iter()
+                        .find(|c| c.disparity == choice.disparity)
+                        .copied()
+                })
+                .collect();
+            assert!(
+                (price(&way, &has, &smoothness) - least).abs() < 1e-4,
+                "seed {seed}"
+            );
+        }
+    }
+
+    fn seen(disparity: f32) -> Choice {
+        Choice {
+            disparity,
+            spots: [0; 2],
+            margin: 1.0,
+            ..Choice::NOTHING
+        }
+    }
+
+    const STEADY: Steadiness = Steadiness {
+        step: 1.0,
+        gap: 2,
+        least: 3,
+        margin: 0.1,
+    };
+
+    #[test]
+    fn only_steady_runs_are_kept() {
+        let disparities = [
+            5.0,
+            5.2,
+            5.4,
+            f32::NAN,
+            f32::NAN,
+            5.6,
+            9.0,
+            14.0,
+            14.1,
+            f32::NAN,
+            f32::NAN,
+            f32::NAN,
+            14.2,
+        ];
+        let mut choices = disparities.map(|d| if d.is_nan() { Choice::NOTHING } else { seen(d) });
+        keep_runs(&mut choices, &STEADY);
+        let runs = choices.map(|choice| choice.run);
+        assert_eq!(runs, [4, 4, 4, 0, 0, 4, 0, 0, 0, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn runs_with_a_rival_elsewhere_are_not_kept() {
+        let mut choices = [Choice {
+            margin: 0.05,
+            ..seen(5.0)
+        }; 8];
+        keep_runs(&mut choices, &STEADY);
+        assert!(choices.iter().all(|choice| !choice.is_some()));
+    }
+
+    #[test]
+    fn gaps_are_filled_by_interpolation_and_no_further() {
+        let mut choices = [
+            seen(4.0),
+            Choice::NOTHING,
+            Choice::NOTHING,
+            seen(4.6),
+            Choice::NOTHING,
+        ];
+        fill_gaps(&mut choices, &STEADY);
+        assert!(
+            (choices[1].disparity - 4.2).abs() < 1e-6 && (choices[2].disparity - 4.4).abs() < 1e-6
+        );
+        assert!(!choices[1].is_seen() && !choices[4].is_some());
+    }
+
+    #[test]
+    fn a_straight_line_stays_and_noise_shrinks() {
+        let line: Vec<Choice> = (0..20).map(|i| seen(7.0 + 0.1 * i as f32)).collect();
+        let mut straight = line.clone();
+        straighten(&mut straight, 4, 1.0, &mut Vec::new());
+        assert!(
+            line.iter()
+                .zip(&straight)
+                .all(|(a, b)| (a.disparity - b.disparity).abs() < 1e-4)
+        );
+        let mut noisy: Vec<Choice> = (0..200)
+            .map(|i| seen(7.0 + 0.4 * (chance(i) - 0.5)))
+            .collect();
+        let spread = |choices: &[Choice]| {
+            choices
+                .iter()
+                .map(|c| (c.disparity - 7.0).powi(2))
+                .sum::<f32>()
+        };
+        let before = spread(&noisy);
+        straighten(&mut noisy, 4, 1.0, &mut Vec::new());
+        assert!(spread(&noisy) < before / 4.0);
     }
 }

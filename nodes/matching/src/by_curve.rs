@@ -21,7 +21,11 @@ impl Matcher {
         let s = &self.settings;
         let reference = views[steps.reference].curves;
         let turn = s.orientation_tolerance.to_radians();
-        let ballot = Ballot { turn, rows: s.vote_rows, cell: s.vote_cell };
+        let ballot = Ballot {
+            turn,
+            rows: s.vote_rows,
+            cell: s.vote_cell,
+        };
         // The central width of the filter is w = 2·√2·σ.
         let width = s.window_widths * (8.0 * variance).sqrt();
         let closing = Closing {
@@ -34,12 +38,20 @@ impl Matcher {
         self.closed_loop.fill(views);
         self.nodes.clear();
         for (label, curve) in (0..).zip(reference.curves) {
-            let predicted = if has_coarser { self.coarser.average(curve.x, curve.y) } else { None };
-            let expected = predicted.or(s.initial_disparity).map_or(range, |disparity| Range {
-                least: (disparity - width / 2.0).max(range.least),
-                most: (disparity + width / 2.0).min(range.most),
-            });
-            let closed = self.closed_loop.close(views, &self.rows, label, steps, expected, &ballot, &closing);
+            let predicted = if has_coarser {
+                self.coarser.average(curve.x, curve.y)
+            } else {
+                None
+            };
+            let expected = predicted
+                .or(s.initial_disparity)
+                .map_or(range, |disparity| Range {
+                    least: (disparity - width / 2.0).max(range.least),
+                    most: (disparity + width / 2.0).min(range.most),
+                });
+            let closed = self
+                .closed_loop
+                .close(views, &self.rows, label, steps, expected, &ballot, &closing);
             self.closed[label as usize] = closed;
             if let Some(closed) = closed {
                 self.nodes.push(Node {
@@ -60,7 +72,12 @@ impl Matcher {
         };
         relation::relax(&mut self.nodes, &relation, &mut self.nodes_before);
 
-        let pairing = Pairing { turn, spread: s.loop_residual, miss: s.miss, flat: s.flat.to_radians() };
+        let pairing = Pairing {
+            turn,
+            spread: s.loop_residual,
+            miss: s.miss,
+            flat: s.flat.to_radians(),
+        };
         let matched = self.closed.iter_mut().filter(|closed| closed.is_some());
         for (closed, node) in matched.zip(&self.nodes) {
             let Some(found) = closed.filter(|_| node.certainty >= s.certainty) else {
@@ -69,7 +86,14 @@ impl Matcher {
             };
             let range = reference.curves[found.curves[steps.reference] as usize].range();
             let choices = &mut self.choices[range.clone()];
-            differences::row_by_row(&reference.points[range], &found, &self.rows, steps, &pairing, choices);
+            differences::row_by_row(
+                &reference.points[range],
+                &found,
+                &self.rows,
+                steps,
+                &pairing,
+                choices,
+            );
             for choice in choices.iter_mut() {
                 choice.support = node.support;
             }

@@ -39,22 +39,41 @@ impl Matcher {
             }
             None => None,
         };
-        self.candidates.gather(&self.rows, steps, range, &like, predicted);
+        self.candidates
+            .gather(&self.rows, steps, range, &like, predicted);
 
-        let smoothness = Smoothness { nothing: s.nothing, change: s.change, jump: s.jump, crossing: s.crossing };
-        let steadiness = Steadiness { step: s.steady, gap: s.gap, least: s.run, margin: s.margin };
+        let smoothness = Smoothness {
+            nothing: s.nothing,
+            change: s.change,
+            jump: s.jump,
+            crossing: s.crossing,
+        };
+        let steadiness = Steadiness {
+            step: s.steady,
+            gap: s.gap,
+            least: s.run,
+            margin: s.margin,
+        };
         let near = &self.rows[steps.near].spots;
         let curve_of = |spot: u32| near[spot as usize].curve;
         for curve in reference.curves {
-            self.along.choose(curve.range(), &self.candidates, &smoothness, curve_of, &mut self.choices);
+            self.along.choose(
+                curve.range(),
+                &self.candidates,
+                &smoothness,
+                curve_of,
+                &mut self.choices,
+            );
             along::keep_runs(&mut self.choices[curve.range()], &steadiness);
         }
         let worth = |choice: &Choice| choice.cost - (choice.run as f32).min(32.0) / 32.0;
         for (which, view) in [steps.near, steps.far].into_iter().enumerate() {
-            self.support.keep_unique(self.rows[view].spots.len(), which, &mut self.choices, worth);
+            self.support
+                .keep_unique(self.rows[view].spots.len(), which, &mut self.choices, worth);
         }
         if s.support_share > 0.0 {
-            self.around.clear(size, s.support_cell, s.support_within, range);
+            self.around
+                .clear(size, s.support_cell, s.support_within, range);
             for (edge, choice) in edges.iter().zip(&self.choices) {
                 if choice.is_some() {
                     self.around.add(edge.x, edge.y, choice.disparity);

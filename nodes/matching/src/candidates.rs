@@ -64,6 +64,17 @@ impl Candidates {
         &self.list[start as usize..(start + count) as usize]
     }
 
+    /// Candidates made up for a test, point by point.
+    #[cfg(test)]
+    pub(crate) fn from_lists(lists: &[Vec<Candidate>]) -> Self {
+        let mut all = Self::default();
+        for own in lists {
+            all.of_point.push((all.list.len() as u32, own.len() as u32));
+            all.list.extend_from_slice(own);
+        }
+        all
+    }
+
     /// Collects the candidates of every point of the reference view, in the whole range of disparities or in what is
     /// predicted around each.
     pub(crate) fn gather(
@@ -85,8 +96,12 @@ impl Candidates {
                     continue;
                 }
                 let start = self.list.len();
-                let range = predicted.map_or(range, |predicted| predicted.range(spot.x, row as f32));
-                let ends = [spot.x - steps.to_near * range.most, spot.x - steps.to_near * range.least];
+                let range =
+                    predicted.map_or(range, |predicted| predicted.range(spot.x, row as f32));
+                let ends = [
+                    spot.x - steps.to_near * range.most,
+                    spot.x - steps.to_near * range.least,
+                ];
                 let (least, most) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
                 for (n, beside) in near.between(row, least, most) {
                     let near_turn = turn(spot.orientation, beside.orientation);
@@ -95,7 +110,8 @@ impl Candidates {
                     }
                     let short = (spot.x - beside.x) / steps.to_near;
                     let expected = spot.x - steps.to_far * short;
-                    for (f, beyond) in far.between(row, expected - like.miss, expected + like.miss) {
+                    for (f, beyond) in far.between(row, expected - like.miss, expected + like.miss)
+                    {
                         let far_turn = turn(spot.orientation, beyond.orientation);
                         if far_turn > like.turn {
                             continue;
@@ -109,14 +125,21 @@ impl Candidates {
                             + like.magnitude(spot, beside, beyond);
                         if cost < like.most && (range.least..=range.most).contains(&disparity) {
                             let spots = [n as u32, f as u32];
-                            self.list.push(Candidate { disparity, cost, bend, spots });
+                            self.list.push(Candidate {
+                                disparity,
+                                cost,
+                                bend,
+                                spots,
+                            });
                         }
                     }
                 }
                 let own = &mut self.list[start..];
                 own.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.spots.cmp(&b.spots)));
-                self.list.truncate(start + like.keep.min(self.list.len() - start));
-                self.of_point[spot.point as usize] = (start as u32, (self.list.len() - start) as u32);
+                self.list
+                    .truncate(start + like.keep.min(self.list.len() - start));
+                self.of_point[spot.point as usize] =
+                    (start as u32, (self.list.len() - start) as u32);
             }
         }
     }
@@ -127,10 +150,15 @@ impl Likeness {
     /// at an occluding edge only one side is preserved.
     fn gray(&self, a: &Spot, b: &Spot, c: &Spot) -> f32 {
         let differences: [u16; 8] = std::array::from_fn(|i| {
-            u16::from(a.profile[i].abs_diff(b.profile[i])) + u16::from(a.profile[i].abs_diff(c.profile[i]))
+            u16::from(a.profile[i].abs_diff(b.profile[i]))
+                + u16::from(a.profile[i].abs_diff(c.profile[i]))
         });
         let side = |samples: [usize; 4]| {
-            let sum: u16 = samples.into_iter().zip(WEIGHTS).map(|(i, weight)| weight * differences[i]).sum();
+            let sum: u16 = samples
+                .into_iter()
+                .zip(WEIGHTS)
+                .map(|(i, weight)| weight * differences[i])
+                .sum();
             f32::from(sum) / f32::from(2 * WEIGHTS.iter().sum::<u16>())
         };
         let (left, right) = (side([3, 2, 1, 0]), side([4, 5, 6, 7]));

@@ -56,7 +56,10 @@ impl ClosedLoop {
     }
 
     /// Looks for the partners of a curve of the reference view.
-    #[expect(clippy::too_many_arguments, reason = "what is searched, where, how, and when it is found")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "what is searched, where, how, and when it is found"
+    )]
     pub(crate) fn close(
         &mut self,
         views: &[ChannelView<'_>; 3],
@@ -72,16 +75,46 @@ impl ClosedLoop {
             most: disparity + closing.residual,
         };
         let between = steps.to_far - steps.to_near;
-        self.step(views, rows, (steps.reference, label), steps.near, steps.to_near, range, 0, ballot, closing);
+        self.step(
+            views,
+            rows,
+            (steps.reference, label),
+            steps.near,
+            steps.to_near,
+            range,
+            0,
+            ballot,
+            closing,
+        );
         for first in 0..self.peaks[0].len() {
             let near = self.peaks[0][first];
             let from = (steps.near, near.curve);
-            self.step(views, rows, from, steps.far, between, around(near.disparity), 1, ballot, closing);
+            self.step(
+                views,
+                rows,
+                from,
+                steps.far,
+                between,
+                around(near.disparity),
+                1,
+                ballot,
+                closing,
+            );
             for second in 0..self.peaks[1].len() {
                 let far = self.peaks[1][second];
                 let from = (steps.far, far.curve);
                 let expected = around((near.disparity + far.disparity) / 2.0);
-                self.step(views, rows, from, steps.reference, -steps.to_far, expected, 2, ballot, closing);
+                self.step(
+                    views,
+                    rows,
+                    from,
+                    steps.reference,
+                    -steps.to_far,
+                    expected,
+                    2,
+                    ballot,
+                    closing,
+                );
                 let Some(back) = self.peaks[2].first().filter(|back| back.curve == label) else {
                     continue;
                 };
@@ -101,7 +134,10 @@ impl ClosedLoop {
     }
 
     /// One step of the loop: the curves of view `to` that a curve may be, the best first.
-    #[expect(clippy::too_many_arguments, reason = "from where to where, how far, and how")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "from where to where, how far, and how"
+    )]
     fn step(
         &mut self,
         views: &[ChannelView<'_>; 3],
@@ -129,7 +165,15 @@ impl ClosedLoop {
         };
         self.windows[to].inside(window, &mut self.labels);
         self.votes.count(
-            table, entries, &views[to], &rows[to].curve_of, &self.labels, steps, range, ballot, peaks,
+            table,
+            entries,
+            &views[to],
+            &rows[to].curve_of,
+            &self.labels,
+            steps,
+            range,
+            ballot,
+            peaks,
         );
         peaks.retain(|peak| peak.score >= closing.score);
         peaks.truncate(closing.tries);

@@ -29,7 +29,10 @@ pub(crate) fn row_by_row(
     pairing: &Pairing,
     choices: &mut [Choice],
 ) {
-    let range = Range { least: closed.disparity - pairing.spread, most: closed.disparity + pairing.spread };
+    let range = Range {
+        least: closed.disparity - pairing.spread,
+        most: closed.disparity + pairing.spread,
+    };
     for (edge, choice) in edges.iter().zip(choices) {
         *choice = Choice::NOTHING;
         if !edge.is_in_row() || is_flat(edge.orientation, pairing.flat) {
@@ -38,11 +41,14 @@ pub(crate) fn row_by_row(
         let partner = |view: usize, to: f32, range: Range| {
             let ends = [edge.x - to * range.least, edge.x - to * range.most];
             let middle = (ends[0] + ends[1]) / 2.0;
-            let between = rows[view].between(edge.y as usize, ends[0].min(ends[1]), ends[0].max(ends[1]));
+            let between =
+                rows[view].between(edge.y as usize, ends[0].min(ends[1]), ends[0].max(ends[1]));
             let own = between.filter(|(_, spot)| {
-                spot.curve == closed.curves[view] && turn(spot.orientation, edge.orientation) <= pairing.turn
+                spot.curve == closed.curves[view]
+                    && turn(spot.orientation, edge.orientation) <= pairing.turn
             });
-            let nearest = own.min_by(|a, b| (a.1.x - middle).abs().total_cmp(&(b.1.x - middle).abs()));
+            let nearest =
+                own.min_by(|a, b| (a.1.x - middle).abs().total_cmp(&(b.1.x - middle).abs()));
             nearest.map(|(index, _)| index)
         };
         let Some(near) = partner(steps.near, steps.to_near, range) else {
@@ -50,11 +56,18 @@ pub(crate) fn row_by_row(
         };
         let short = (edge.x - rows[steps.near].spots[near].x) / steps.to_near;
         let allowed = pairing.miss / steps.to_far.abs();
-        let expected = Range { least: short - allowed, most: short + allowed };
+        let expected = Range {
+            least: short - allowed,
+            most: short + allowed,
+        };
         let Some(far) = partner(steps.far, steps.to_far, expected) else {
             continue;
         };
-        let xs = steps.in_order(edge.x, rows[steps.near].spots[near].x, rows[steps.far].spots[far].x);
+        let xs = steps.in_order(
+            edge.x,
+            rows[steps.near].spots[near].x,
+            rows[steps.far].spots[far].x,
+        );
         *choice = Choice {
             disparity: (xs[0] - xs[2]) / 2.0,
             cost: 1.0 - closed.score,
@@ -70,7 +83,11 @@ pub(crate) fn row_by_row(
 /// Gives the points of a matched curve that have no pair the curve's disparity: interpolated along the curve and held
 /// at its ends, or, as in the thesis, that of the centroid.
 pub(crate) fn fill_whole(choices: &mut [Choice], centroid: Option<f32>, otherwise: f32) {
-    let filled = |disparity: f32, like: Choice| Choice { disparity, spots: [messages::NONE; 2], ..like };
+    let filled = |disparity: f32, like: Choice| Choice {
+        disparity,
+        spots: [messages::NONE; 2],
+        ..like
+    };
     let mut last: Option<usize> = None;
     for at in 0..=choices.len() {
         let seen = choices.get(at).is_some_and(Choice::is_seen);
@@ -81,7 +98,10 @@ pub(crate) fn fill_whole(choices: &mut [Choice], centroid: Option<f32>, otherwis
         for between in start..at {
             let before = last.map(|last| choices[last]);
             let after = choices.get(at).copied();
-            let like = before.or(after).unwrap_or(Choice { cost: 1.0, ..Choice::NOTHING });
+            let like = before.or(after).unwrap_or(Choice {
+                cost: 1.0,
+                ..Choice::NOTHING
+            });
             let along = match (before, after) {
                 (Some(a), Some(b)) => {
                     let share = (between + 1 - start) as f32 / (at + 1 - start) as f32;

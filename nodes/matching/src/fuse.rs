@@ -42,7 +42,9 @@ impl Fuse {
             }
             let start = points.points.len();
             for found in matches.matches.iter() {
-                for point in &matches.points[found.first as usize..(found.first + found.count) as usize] {
+                for point in
+                    &matches.points[found.first as usize..(found.first + found.count) as usize]
+                {
                     let (column, row) = ((point.x + 0.5) as usize, (point.y + 0.5) as usize);
                     if column >= width || row >= height || !(point.disparity > 0.0) {
                         continue;
@@ -51,8 +53,14 @@ impl Fuse {
                     if self.taken[pixel] != NONE && self.taken[pixel] != channel as u32 {
                         continue;
                     }
-                    let place = (f64::from(point.x), f64::from(point.y), f64::from(point.disparity));
-                    let [x, y, z] = calibration.point_m(place.0, place.1, place.2).map(|metres| metres as f32);
+                    let place = (
+                        f64::from(point.x),
+                        f64::from(point.y),
+                        f64::from(point.disparity),
+                    );
+                    let [x, y, z] = calibration
+                        .point_m(place.0, place.1, place.2)
+                        .map(|metres| metres as f32);
                     points.points.push(Point {
                         x,
                         y,
@@ -64,7 +72,10 @@ impl Fuse {
                         curve: found.curves[reference],
                         channel: channel as u32,
                     });
-                    if let Some(shown) = picture.get_mut(pixel).filter(|_| point.score > self.scores[pixel]) {
+                    if let Some(shown) = picture
+                        .get_mut(pixel)
+                        .filter(|_| point.score > self.scores[pixel])
+                    {
                         *shown = point.disparity;
                         self.scores[pixel] = point.score;
                     }
@@ -77,7 +88,10 @@ impl Fuse {
                 for row in row.saturating_sub(reach)..(row + reach + 1).min(height) {
                     let from = row * width + column.saturating_sub(reach);
                     let to = row * width + (column + reach + 1).min(width);
-                    for taken in self.taken[from..to].iter_mut().filter(|taken| **taken == NONE) {
+                    for taken in self.taken[from..to]
+                        .iter_mut()
+                        .filter(|taken| **taken == NONE)
+                    {
                         *taken = channel as u32;
                     }
                 }
@@ -93,7 +107,11 @@ impl Fuse {
         self.keys.clear();
         // Coordinates are not negative, so their bits sort as they do.
         let key = |point: &Point| (u64::from(point.v as u32) << 32) | u64::from(point.u.to_bits());
-        self.keys.extend((0..).zip(&self.unsorted).map(|(index, point)| (key(point), index)));
+        self.keys.extend(
+            (0..)
+                .zip(&self.unsorted)
+                .map(|(index, point)| (key(point), index)),
+        );
         self.keys.sort_unstable();
         for (sorted, &(_, index)) in points.points.iter_mut().zip(&self.keys) {
             *sorted = self.unsorted[index as usize];

@@ -4,8 +4,6 @@
 //! curves, R-tables of three views, coarse to fine ─► candidates ─► along curves ─► support ─► matches ─► fused points
 //! ```
 
-#[cfg(feature = "node")]
-pub mod node;
 mod along;
 mod by_curve;
 mod by_point;
@@ -13,6 +11,8 @@ mod candidates;
 mod closed_loop;
 mod differences;
 mod fuse;
+#[cfg(feature = "node")]
+pub mod node;
 mod relation;
 mod report;
 mod rows;
@@ -69,7 +69,13 @@ impl Steps {
             Reference::Right => [2, 1, 0],
         };
         let to = |view: usize| view as f32 - reference as f32;
-        Self { reference, near, far, to_near: to(near), to_far: to(far) }
+        Self {
+            reference,
+            near,
+            far,
+            to_near: to(near),
+            to_far: to(far),
+        }
     }
 
     /// What belongs to the reference, the near and the far view, left to right.
@@ -109,7 +115,11 @@ pub struct Matcher {
 impl Matcher {
     /// A matcher with these settings for channels of these σ², coarse to fine.
     pub fn new(settings: &Settings, channels: &[f32]) -> Self {
-        Self { settings: settings.clone(), variances: channels.to_vec(), ..Self::default() }
+        Self {
+            settings: settings.clone(),
+            variances: channels.to_vec(),
+            ..Self::default()
+        }
     }
 
     /// Matches one scan: `inputs` holds the channels coarse to fine, each with its three views left to right; `matches`
@@ -125,14 +135,28 @@ impl Matcher {
     ) {
         let range = Range {
             least: self.settings.disparity_least,
-            most: self.settings.disparity_most.unwrap_or(size.width as f32 / 8.0),
+            most: self
+                .settings
+                .disparity_most
+                .unwrap_or(size.width as f32 / 8.0),
         };
         for (channel, (views, room)) in inputs.iter().zip(matches.iter_mut()).enumerate() {
             self.match_channel(views, size, range, channel, room);
         }
         let steps = Steps::from(self.settings.reference);
-        let fill_in = self.settings.fill_in.then_some(self.settings.fill_in_radius);
-        self.fuse.fuse(matches, steps.reference, size, calibration, fill_in, disparity, points);
+        let fill_in = self
+            .settings
+            .fill_in
+            .then_some(self.settings.fill_in_radius);
+        self.fuse.fuse(
+            matches,
+            steps.reference,
+            size,
+            calibration,
+            fill_in,
+            disparity,
+            points,
+        );
     }
 
     fn match_channel(

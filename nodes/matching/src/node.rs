@@ -44,8 +44,14 @@ fn match_scan(
     let mut inputs = Vec::with_capacity(channels.len());
     for channel in channels.clone() {
         let view = |view| {
-            let (curves, tables) = (scan.of(Kind::Curves, view, channel)?, scan.of(Kind::Tables, view, channel)?);
-            let view = ChannelView { curves: curves.view::<Curves>()?, tables: tables.view::<Tables>()? };
+            let (curves, tables) = (
+                scan.of(Kind::Curves, view, channel)?,
+                scan.of(Kind::Tables, view, channel)?,
+            );
+            let view = ChannelView {
+                curves: curves.view::<Curves>()?,
+                tables: tables.view::<Tables>()?,
+            };
             match view.curves.is_sound() && view.tables.is_sound(view.curves.points.len()) {
                 true => Ok(view),
                 false => Err(curves.damaged()),
@@ -53,18 +59,37 @@ fn match_scan(
         };
         inputs.push([view(0)?, view(1)?, view(2)?]);
     }
-    let mut matches = channels.map(|channel| results.loan::<Matches>(NONE, channel)).collect::<Result<Vec<_>, _>>()?;
+    let mut matches = channels
+        .map(|channel| results.loan::<Matches>(NONE, channel))
+        .collect::<Result<Vec<_>, _>>()?;
     let mut disparity = results.loan::<Disparity>(NONE, NONE)?;
     let mut points = results.loan::<Points>(NONE, NONE)?;
     let (matches_filled, disparity_filled, points_filled) = {
-        let mut rooms = matches.iter_mut().map(|loan| loan.room()).collect::<Result<Vec<_>, _>>()?;
+        let mut rooms = matches
+            .iter_mut()
+            .map(|loan| loan.room())
+            .collect::<Result<Vec<_>, _>>()?;
         let (mut disparity, mut points) = (disparity.room()?, points.room()?);
         let size = cause.size();
-        matcher.process(&inputs, size, &rig.calibration(size), &mut rooms, &mut disparity, &mut points);
-        count.matches += rooms.iter().map(|room| room.matches.len() as u64).sum::<u64>();
+        matcher.process(
+            &inputs,
+            size,
+            &rig.calibration(size),
+            &mut rooms,
+            &mut disparity,
+            &mut points,
+        );
+        count.matches += rooms
+            .iter()
+            .map(|room| room.matches.len() as u64)
+            .sum::<u64>();
         count.points += points.points.len() as u64;
         let filled: Vec<Filled> = rooms.iter().map(Filled::of::<Matches>).collect();
-        (filled, Filled::of::<Disparity>(&disparity), Filled::of::<Points>(&points))
+        (
+            filled,
+            Filled::of::<Disparity>(&disparity),
+            Filled::of::<Points>(&points),
+        )
     };
     for (loan, filled) in matches.into_iter().zip(matches_filled) {
         results.publish(loan, &cause, filled)?;

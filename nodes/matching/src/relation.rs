@@ -43,7 +43,10 @@ pub(crate) fn relax(nodes: &mut [Node], relation: &Relation, before: &mut Vec<No
         for node in nodes.iter_mut() {
             let start = before.partition_point(|near| near.y < node.y - relation.radius);
             let (mut agreement, mut weights, mut agree, mut all) = (0.0, 0.0, 0.0, 0.0);
-            for near in before[start..].iter().take_while(|near| near.y <= node.y + relation.radius) {
+            for near in before[start..]
+                .iter()
+                .take_while(|near| near.y <= node.y + relation.radius)
+            {
                 let distance = (near.x - node.x).hypot(near.y - node.y);
                 if distance > relation.radius {
                     continue;
@@ -66,5 +69,63 @@ pub(crate) fn relax(nodes: &mut [Node], relation: &Relation, before: &mut Vec<No
                 node.certainty = (node.certainty * change).clamp(0.0, 1.0);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RELATION: Relation = Relation {
+        radius: 50.0,
+        within: 1.0,
+        slope: 0.0,
+        strength: 0.3,
+        rounds: 4,
+    };
+
+    fn nodes(disparities: &[f32]) -> Vec<Node> {
+        let node = |(i, &disparity): (usize, &f32)| Node {
+            x: 10.0 * i as f32,
+            y: 5.0,
+            disparity,
+            certainty: 0.6,
+            support: 0.0,
+        };
+        disparities.iter().enumerate().map(node).collect()
+    }
+
+    #[test]
+    fn one_that_disagrees_with_its_neighbours_is_weakened_and_they_hold() {
+        let mut all = nodes(&[8.0, 8.2, 20.0, 8.1, 8.3]);
+        relax(&mut all, &RELATION, &mut Vec::new());
+        assert!(
+            all[2].certainty < 0.4 && all[2].support == 0.0,
+            "{:?}",
+            all[2]
+        );
+        assert!(
+            [0, 1, 3, 4]
+                .iter()
+                .all(|&i| all[i].certainty > 0.6 && all[i].support > 0.7)
+        );
+    }
+
+    #[test]
+    fn two_surfaces_side_by_side_both_hold() {
+        let mut all = nodes(&[8.0, 8.2, 8.1, 20.0, 20.3, 20.1]);
+        all[3..].iter_mut().for_each(|node| node.x += 60.0);
+        relax(&mut all, &RELATION, &mut Vec::new());
+        assert!(
+            all.iter()
+                .all(|node| node.certainty > 0.6 && node.support == 1.0)
+        );
+    }
+
+    #[test]
+    fn one_without_neighbours_stays_as_it_is() {
+        let mut all = nodes(&[8.0]);
+        relax(&mut all, &RELATION, &mut Vec::new());
+        assert_eq!(all[0].certainty, 0.6);
     }
 }

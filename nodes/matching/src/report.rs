@@ -7,7 +7,12 @@ use crate::{Matcher, Steps};
 
 impl Matcher {
     /// Writes down the matched curves and their points.
-    pub(crate) fn report(&mut self, reference: CurvesView<'_>, steps: Steps, room: &mut MatchesRoom<'_>) {
+    pub(crate) fn report(
+        &mut self,
+        reference: CurvesView<'_>,
+        steps: Steps,
+        room: &mut MatchesRoom<'_>,
+    ) {
         for (label, curve) in (0..).zip(reference.curves) {
             let first = room.points.len() as u32;
             let (mut residual, mut disparity, mut support, mut seen) = (0.0, 0.0, 0.0, 0.0f32);
@@ -67,12 +72,16 @@ impl Matcher {
 
 /// The partner most points chose.
 fn most(partners: &[(u32, u32)]) -> u32 {
-    let most = partners.iter().max_by_key(|&&(curve, count)| (count, std::cmp::Reverse(curve)));
+    let most = partners
+        .iter()
+        .max_by_key(|&&(curve, count)| (count, std::cmp::Reverse(curve)));
     most.map_or(NONE, |&(curve, _)| curve)
 }
 
 /// How sure a point is, 0 to 1.
 fn confidence(choice: &Choice) -> f32 {
-    let sure = 1.0 * choice.margin - 1.0 * choice.cost + (choice.run as f32).min(40.0) / 40.0 + 2.0 * choice.support;
+    let sure = 1.0 * choice.margin - 1.0 * choice.cost
+        + (choice.run as f32).min(40.0) / 40.0
+        + 2.0 * choice.support;
     1.0 / (1.0 + (-sure).exp())
 }

@@ -60,7 +60,8 @@ impl Rows {
             for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
                 let edge = &points[point as usize];
                 if is_in_row(edge) {
-                    self.spots.push(Spot::new(edge, point, self.curve_of[point as usize]));
+                    self.spots
+                        .push(Spot::new(edge, point, self.curve_of[point as usize]));
                 }
             }
             let row = *self.starts.last().unwrap_or(&0) as usize;
@@ -90,13 +91,26 @@ impl Rows {
     }
 
     /// The row's spots from column `least` on, up to column `most`, with their indices.
-    pub(crate) fn between(&self, row: usize, least: f32, most: f32) -> impl Iterator<Item = (usize, &Spot)> {
+    pub(crate) fn between(
+        &self,
+        row: usize,
+        least: f32,
+        most: f32,
+    ) -> impl Iterator<Item = (usize, &Spot)> {
         let end = self.row(row).end;
         // A negative column becomes the first cell, one beyond the image the last.
         let cell = (least as usize / CELL).min(self.per_row.saturating_sub(1));
-        let start = self.cells.get(row * self.per_row + cell).map_or(end, |&start| start as usize);
-        let spots = self.spots[start..end].iter().enumerate().map(move |(i, spot)| (start + i, spot));
-        spots.skip_while(move |(_, spot)| spot.x < least).take_while(move |(_, spot)| spot.x <= most)
+        let start = self
+            .cells
+            .get(row * self.per_row + cell)
+            .map_or(end, |&start| start as usize);
+        let spots = self.spots[start..end]
+            .iter()
+            .enumerate()
+            .map(move |(i, spot)| (start + i, spot));
+        spots
+            .skip_while(move |(_, spot)| spot.x < least)
+            .take_while(move |(_, spot)| spot.x <= most)
     }
 }
 
@@ -116,7 +130,11 @@ impl Spot {
 /// The angle between two orientations, in radians, 0 to π.
 pub(crate) fn turn(a: f32, b: f32) -> f32 {
     let turn = (a - b).abs();
-    if turn > std::f32::consts::PI { std::f32::consts::TAU - turn } else { turn }
+    if turn > std::f32::consts::PI {
+        std::f32::consts::TAU - turn
+    } else {
+        turn
+    }
 }
 
 /// Whether a contour with this gradient is within `flat` radians of horizontal.

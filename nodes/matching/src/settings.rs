@@ -89,7 +89,7 @@ messages::settings! {
         pub run: usize = 3, in 1..=256;
         /// How much dearer, on average over a run, the best candidates at other disparities must be: a repeated texture
         /// is left alone.
-        pub margin: f32 = 0.05, in 0..=10;
+        pub margin: f32 = 0.1, in 0..=10;
         /// Points to either side to which a line is fitted for a disparity; 0 keeps it as measured.
         pub straighten: usize = 4, in 0..=16;
         /// Pixels around a point within which neighbours are asked for support.
@@ -107,7 +107,7 @@ messages::settings! {
         /// Pixels a cell measures in which neighbours are counted.
         pub support_cell: f32 = 8.0, in 4..=128;
         /// Pixels around a finer channel's points that coarser ones leave alone.
-        pub fill_in_radius: usize = 1, in 0..=32;
+        pub fill_in_radius: usize = 0, in 0..=32;
         /// Whether coarser channels fill in at all.
         pub fill_in: bool = true;
         /// Assignment of curves: the disparity expected in the coarsest channel, in pixels; by default all are searched.

@@ -12,7 +12,13 @@ pub(crate) struct Support {
 
 impl Support {
     /// Of several points that land on one spot of another view, keeps the best.
-    pub(crate) fn keep_unique(&mut self, spots: usize, which: usize, choices: &mut [Choice], worth: impl Fn(&Choice) -> f32) {
+    pub(crate) fn keep_unique(
+        &mut self,
+        spots: usize,
+        which: usize,
+        choices: &mut [Choice],
+        worth: impl Fn(&Choice) -> f32,
+    ) {
         self.claims.clear();
         self.claims.resize(spots, (f32::INFINITY, NONE));
         for (point, choice) in (0..).zip(choices.iter()) {
@@ -35,5 +41,35 @@ impl Support {
                 choices[point] = Choice::NOTHING;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_several_points_on_one_place_of_another_view_the_best_stays() {
+        let choice = |disparity: f32, cost: f32, spot: u32| Choice {
+            disparity,
+            cost,
+            spots: [spot, 9],
+            ..Choice::NOTHING
+        };
+        let mut choices = [
+            choice(5.0, 0.5, 3),
+            choice(9.0, 0.2, 3),
+            Choice::NOTHING,
+            choice(7.0, 0.9, 4),
+            choice(9.1, 0.3, 3),
+        ];
+        Support::default().keep_unique(10, 0, &mut choices, |choice| choice.cost);
+        let kept: Vec<f32> = choices
+            .iter()
+            .filter(|choice| choice.is_some())
+            .map(|choice| choice.disparity)
+            .collect();
+        // The last one is the winner's double, as where a curve branches.
+        assert_eq!(kept, [9.0, 7.0, 9.1]);
     }
 }

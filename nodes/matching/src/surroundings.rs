@@ -36,7 +36,8 @@ impl Surroundings {
         self.rows = (size.height as f32 / cell).ceil() as usize + 2;
         self.bins = ((range.most - range.least) / self.bin).ceil() as usize + 4;
         self.counts.clear();
-        self.counts.resize(self.columns * self.rows * self.bins, 0.0);
+        self.counts
+            .resize(self.columns * self.rows * self.bins, 0.0);
     }
 
     fn index(&self, x: f32, y: f32) -> usize {
@@ -70,7 +71,11 @@ impl Surroundings {
             *total = cell.iter().sum();
         }
         self.spread.copy_from_slice(&self.smooth);
-        for (to, from) in self.smooth.chunks_exact_mut(bins).zip(self.spread.chunks_exact(bins)) {
+        for (to, from) in self
+            .smooth
+            .chunks_exact_mut(bins)
+            .zip(self.spread.chunks_exact(bins))
+        {
             for (to, from) in to[1..].iter_mut().zip(from) {
                 *to += from;
             }

