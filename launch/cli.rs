@@ -121,10 +121,10 @@ pub(crate) struct Export {
     /// The points as CSV: scan,view,channel,curve,x,y,disparity,score,depth
     #[arg(long, value_name = "FILE")]
     pub(crate) csv: Option<PathBuf>,
-    /// The disparity picture as PFM; of several scans, one file each, numbered
+    /// The disparity picture of one scan as PFM
     #[arg(long, value_name = "FILE")]
     pub(crate) pfm: Option<PathBuf>,
-    /// The points as PLY, in metres; of several scans, one file each, numbered
+    /// The points of one scan as PLY, in metres
     #[arg(long, value_name = "FILE")]
     pub(crate) ply: Option<PathBuf>,
     /// Pictures of every view and channel: zero-crossings, orientation, curves, disparity

@@ -39,20 +39,27 @@ pub(crate) struct Graph {
 
 impl Graph {
     /// Reads a graph file, or the built-in graph; then what `overrides` set.
-    pub(crate) fn load(file: Option<&Path>, profile: Profile, overrides: &Overrides) -> Result<Self, Failure> {
+    pub(crate) fn load(
+        file: Option<&Path>,
+        profile: Profile,
+        overrides: &Overrides,
+    ) -> Result<Self, Failure> {
         let name = file.map_or("the built-in graph".to_owned(), |f| f.display().to_string());
         let text = match file {
             None => BUILT_IN.to_owned(),
             Some(file) => std::fs::read_to_string(file)
                 .map_err(|e| Failure::usage(format!("cannot read the graph file {name}: {e}")))?,
         };
-        Self::parse(&text, profile, overrides).map_err(|text| Failure::usage(format!("{name}: {text}")))
+        Self::parse(&text, profile, overrides)
+            .map_err(|text| Failure::usage(format!("{name}: {text}")))
     }
 
     fn parse(text: &str, profile: Profile, overrides: &Overrides) -> Result<Self, String> {
         let table: toml::Table = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
         let file = serde_json::to_value(table).map_err(|e| e.to_string())?;
-        let Value::Object(mut tables) = file else { return Err("expected tables".to_owned()) };
+        let Value::Object(mut tables) = file else {
+            return Err("expected tables".to_owned());
+        };
         for name in tables.keys() {
             known_node(name)?;
         }
@@ -61,24 +68,34 @@ impl Graph {
         }
         for (name, key, value) in &overrides.set {
             known_node(name)?;
-            let table = tables.get_mut(name).ok_or_else(|| format!("{name}.{key} is set, but the graph has no {name}"))?;
-            let Value::Object(table) = table else { return Err(format!("[{name}] must be a table")) };
+            let table = tables
+                .get_mut(name)
+                .ok_or_else(|| format!("{name}.{key} is set, but the graph has no {name}"))?;
+            let Value::Object(table) = table else {
+                return Err(format!("[{name}] must be a table"));
+            };
             table.insert(key.clone(), value.clone());
         }
-        let mut take = |name: &str, keys: &[Key], mut whole: Value| -> Result<Option<Value>, String> {
-            let Some(given) = tables.remove(name) else { return Ok(None) };
-            let Value::Object(given) = given else { return Err(format!("[{name}] must be a table")) };
-            if let Value::Object(whole) = &mut whole {
-                for (key, value) in given {
-                    known_key(name, &key, keys)?;
-                    whole.insert(key, value);
+        let mut take =
+            |name: &str, keys: &[Key], mut whole: Value| -> Result<Option<Value>, String> {
+                let Some(given) = tables.remove(name) else {
+                    return Ok(None);
+                };
+                let Value::Object(given) = given else {
+                    return Err(format!("[{name}] must be a table"));
+                };
+                if let Value::Object(whole) = &mut whole {
+                    for (key, value) in given {
+                        known_key(name, &key, keys)?;
+                        whole.insert(key, value);
+                    }
                 }
-            }
-            Ok(Some(whole))
-        };
+                Ok(Some(whole))
+            };
         let default = serde_json::to_value(Settings::default()).map_err(|e| e.to_string())?;
         let own = take(GRAPH, Settings::KEYS, default.clone())?.unwrap_or(default);
-        let settings: Settings = serde_json::from_value(own).map_err(|e| format!("[{GRAPH}] {e}"))?;
+        let settings: Settings =
+            serde_json::from_value(own).map_err(|e| format!("[{GRAPH}] {e}"))?;
         settings.check().map_err(|e| format!("{GRAPH}.{e}"))?;
         let mut nodes = Vec::new();
         for node in NODES {
@@ -94,11 +111,18 @@ impl Graph {
 
     /// Whether every node gets what it takes, and somebody says when a scan is done.
     fn check_pipe(&self) -> Result<(), String> {
-        let makes = |kind: Kind| self.nodes.iter().any(|(n, _)| n.stage == Some(kind.stage()));
+        let makes = |kind: Kind| {
+            self.nodes
+                .iter()
+                .any(|(n, _)| n.stage == Some(kind.stage()))
+        };
         for (node, _) in self.nodes.iter().filter(|(n, _)| n.stage.is_some()) {
             if let Some(kind) = node.takes.iter().find(|&&kind| !makes(kind)) {
                 let (maker, takes) = (kind.stage().name(), kind.name());
-                return Err(format!("{} takes {takes}, which {maker} makes: add [{maker}]", node.name));
+                return Err(format!(
+                    "{} takes {takes}, which {maker} makes: add [{maker}]",
+                    node.name
+                ));
             }
         }
         for needed in ["capture", "match"] {
@@ -121,7 +145,9 @@ impl Graph {
 
     /// Fills in a setting that only the run knows.
     pub(crate) fn fill_in(&mut self, name: &str, key: &str, value: impl Into<Value>) {
-        if let Some((_, Value::Object(settings))) = self.nodes.iter_mut().find(|(n, _)| n.name == name) {
+        if let Some((_, Value::Object(settings))) =
+            self.nodes.iter_mut().find(|(n, _)| n.name == name)
+        {
             settings.insert(key.to_owned(), value.into());
         }
     }
@@ -140,8 +166,14 @@ impl Graph {
     /// The whole effective configuration.
     pub(crate) fn configuration(&self) -> Value {
         let own = serde_json::to_value(&self.settings).unwrap_or_default();
-        let nodes = self.nodes.iter().map(|(node, value)| (node.name.to_owned(), value.clone()));
-        std::iter::once((GRAPH.to_owned(), own)).chain(nodes).collect::<Map<_, _>>().into()
+        let nodes = self
+            .nodes
+            .iter()
+            .map(|(node, value)| (node.name.to_owned(), value.clone()));
+        std::iter::once((GRAPH.to_owned(), own))
+            .chain(nodes)
+            .collect::<Map<_, _>>()
+            .into()
     }
 
     /// The effective configuration as a graph file, each key with its meaning.
@@ -149,7 +181,10 @@ impl Graph {
         let mut text = String::new();
         let own = serde_json::to_value(&self.settings).unwrap_or_default();
         let graph = (GRAPH, "the graph as a whole", Settings::KEYS, &own);
-        let nodes = self.nodes.iter().map(|(n, value)| (n.name, n.about, n.keys, value));
+        let nodes = self
+            .nodes
+            .iter()
+            .map(|(n, value)| (n.name, n.about, n.keys, value));
         for (name, about, keys, value) in std::iter::once(graph).chain(nodes) {
             let gap = if text.is_empty() { "" } else { "\n" };
             writeln!(text, "{gap}# {about}\n[{name}]").unwrap_or_default();
@@ -172,15 +207,24 @@ impl Graph {
     pub(crate) fn to_mermaid(&self) -> String {
         let mut text = "flowchart LR\n".to_owned();
         for (node, _) in &self.nodes {
-            writeln!(text, "    {0}[\"<b>{0}</b><br/>{1}\"]", node.name, node.about).unwrap_or_default();
+            writeln!(
+                text,
+                "    {0}[\"<b>{0}</b><br/>{1}\"]",
+                node.name, node.about
+            )
+            .unwrap_or_default();
         }
         for (maker, _) in &self.nodes {
             for (taker, _) in &self.nodes {
-                let between = taker.takes.iter().filter(|kind| maker.stage == Some(kind.stage()));
+                let between = taker
+                    .takes
+                    .iter()
+                    .filter(|kind| maker.stage == Some(kind.stage()));
                 let kinds: Vec<&str> = between.map(|kind| kind.name()).collect();
                 if !kinds.is_empty() {
                     let kinds = kinds.join(", ");
-                    writeln!(text, "    {} -->|{kinds}| {}", maker.name, taker.name).unwrap_or_default();
+                    writeln!(text, "    {} -->|{kinds}| {}", maker.name, taker.name)
+                        .unwrap_or_default();
                 }
             }
             if maker.finishes {
@@ -199,7 +243,9 @@ fn toml_value(value: Option<&Value>) -> Option<toml::Value> {
 fn checked(node: &NodeType, value: &Value) -> Result<(), String> {
     (node.check)(value).map_err(|text| {
         // Serde names the value but not the key: find the key that does not parse by itself.
-        let Value::Object(whole) = value else { return format!("[{}] {text}", node.name) };
+        let Value::Object(whole) = value else {
+            return format!("[{}] {text}", node.name);
+        };
         let defaults = (node.settings)(Profile::Default);
         let alone = |(key, value): &(&String, &Value)| {
             let mut one = defaults.clone();
@@ -209,7 +255,9 @@ fn checked(node: &NodeType, value: &Value) -> Result<(), String> {
             (node.check)(&one).is_err()
         };
         match whole.iter().find(alone) {
-            Some((key, _)) if !text.starts_with(key.as_str()) => format!("{}.{key}: {text}", node.name),
+            Some((key, _)) if !text.starts_with(key.as_str()) => {
+                format!("{}.{key}: {text}", node.name)
+            }
             _ => format!("{}.{text}", node.name),
         }
     })
@@ -222,7 +270,10 @@ fn known_node(name: &str) -> Result<(), String> {
     let known = || NODES.iter().map(|node| node.name).chain([GRAPH]);
     Err(match nearest(name, known()) {
         Some(near) => format!("there is no node {name}; do you mean {near}?"),
-        None => format!("there is no node {name}; there are {}", known().collect::<Vec<_>>().join(", ")),
+        None => format!(
+            "there is no node {name}; there are {}",
+            known().collect::<Vec<_>>().join(", ")
+        ),
     })
 }
 
@@ -233,7 +284,10 @@ fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), String> {
     }
     Err(match nearest(key, known()) {
         Some(near) => format!("{node} has no key {key}; do you mean {node}.{near}?"),
-        None => format!("{node} has no key {key}; it has {}", known().collect::<Vec<_>>().join(", ")),
+        None => format!(
+            "{node} has no key {key}; it has {}",
+            known().collect::<Vec<_>>().join(", ")
+        ),
     })
 }
 
@@ -249,21 +303,32 @@ impl Overrides {
     pub(crate) fn parse(lines: &[String]) -> Result<Self, Failure> {
         let mut overrides = Self::default();
         for line in lines {
-            let parts = line.split_once('=').and_then(|(place, value)| Some((place.split_once('.')?, value)));
+            let parts = line
+                .split_once('=')
+                .and_then(|(place, value)| Some((place.split_once('.')?, value)));
             let Some(((node, key), value)) = parts else {
-                return Err(Failure::usage(format!("--set expects node.key=value, not {line:?}")));
+                return Err(Failure::usage(format!(
+                    "--set expects node.key=value, not {line:?}"
+                )));
             };
             let parsed = format!("v = {value}").parse::<toml::Table>().ok();
-            let parsed = parsed.and_then(|mut table| table.remove("v")).filter(|_| !value.contains('\n'));
+            let parsed = parsed
+                .and_then(|mut table| table.remove("v"))
+                .filter(|_| !value.contains('\n'));
             let parsed = parsed.and_then(|value| serde_json::to_value(value).ok());
-            overrides.set(node.trim(), key.trim(), parsed.unwrap_or_else(|| value.into()));
+            overrides.set(
+                node.trim(),
+                key.trim(),
+                parsed.unwrap_or_else(|| value.into()),
+            );
         }
         Ok(overrides)
     }
 
     /// Sets a key.
     pub(crate) fn set(&mut self, node: &str, key: &str, value: impl Into<Value>) {
-        self.set.push((node.to_owned(), key.to_owned(), value.into()));
+        self.set
+            .push((node.to_owned(), key.to_owned(), value.into()));
     }
 
     /// Leaves a node out.
@@ -293,7 +358,10 @@ mod tests {
     #[test]
     fn an_unknown_key_is_refused_with_the_nearest_known_one() {
         let error = load("[capture]\nsorce = \"x\"\n[match]\n", &[]).unwrap_err();
-        assert_eq!(error, "capture has no key sorce; do you mean capture.source?");
+        assert_eq!(
+            error,
+            "capture has no key sorce; do you mean capture.source?"
+        );
         let error = load(BUILT_IN, &["filtr.floor=1"]).unwrap_err();
         assert_eq!(error, "there is no node filtr; do you mean filter?");
     }
@@ -301,13 +369,19 @@ mod tests {
     #[test]
     fn a_value_out_of_range_names_the_key_and_the_range() {
         let error = load(BUILT_IN, &["capture.in_flight=99"]).unwrap_err();
-        assert!(error.starts_with("capture.in_flight must lie between 1 and "), "{error}");
+        assert!(
+            error.starts_with("capture.in_flight must lie between 1 and "),
+            "{error}"
+        );
     }
 
     #[test]
     fn a_value_of_the_wrong_type_names_the_key() {
         let error = load(BUILT_IN, &["capture.in_flight=many"]).unwrap_err();
-        assert!(error.starts_with("capture.in_flight: invalid type: string \"many\""), "{error}");
+        assert!(
+            error.starts_with("capture.in_flight: invalid type: string \"many\""),
+            "{error}"
+        );
     }
 
     #[test]
@@ -319,7 +393,11 @@ mod tests {
     #[test]
     fn the_diagram_shows_every_node_and_the_way_back_to_the_door() {
         let diagram = load(BUILT_IN, &[]).unwrap().to_mermaid();
-        for line in ["capture -->|image| filter", "hough -->|tables| match", "record -.->|done| capture"] {
+        for line in [
+            "capture -->|image| filter",
+            "hough -->|tables| match",
+            "record -.->|done| capture",
+        ] {
             assert!(diagram.contains(line), "{line} in\n{diagram}");
         }
     }

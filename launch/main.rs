@@ -55,11 +55,17 @@ struct Failure {
 
 impl Failure {
     fn failed(text: impl ToString) -> Self {
-        Self { outcome: Outcome::Failed, text: text.to_string() }
+        Self {
+            outcome: Outcome::Failed,
+            text: text.to_string(),
+        }
     }
 
     fn usage(text: impl ToString) -> Self {
-        Self { outcome: Outcome::Usage, text: text.to_string() }
+        Self {
+            outcome: Outcome::Usage,
+            text: text.to_string(),
+        }
     }
 }
 
@@ -70,7 +76,11 @@ fn main() -> ExitCode {
             failure.outcome
         }),
         Err(error) => {
-            let outcome = if error.use_stderr() { Outcome::Usage } else { Outcome::Done };
+            let outcome = if error.use_stderr() {
+                Outcome::Usage
+            } else {
+                Outcome::Done
+            };
             match error.print() {
                 Ok(()) => outcome,
                 Err(_) => Outcome::Failed,

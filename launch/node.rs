@@ -15,17 +15,26 @@ use crate::{Outcome, cli, registry};
 pub(crate) struct Orders {
     pub(crate) run: Run,
     pub(crate) configuration: Value,
+    /// The graph as a Mermaid diagram.
+    pub(crate) graph: String,
+    /// The names of the source's scans.
+    pub(crate) scans: Vec<String>,
 }
 
 impl Orders {
     const FILE: &str = "orders.json";
 
     pub(crate) fn write(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        Ok(std::fs::write(folder.join(Self::FILE), serde_json::to_vec(self)?)?)
+        Ok(std::fs::write(
+            folder.join(Self::FILE),
+            serde_json::to_vec(self)?,
+        )?)
     }
 
     fn read(folder: &Path) -> Result<Self, Box<dyn Error>> {
-        Ok(serde_json::from_slice(&std::fs::read(folder.join(Self::FILE))?)?)
+        Ok(serde_json::from_slice(&std::fs::read(
+            folder.join(Self::FILE),
+        )?)?)
     }
 }
 
@@ -44,13 +53,30 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
     // Dropped last: the bus leaves the folder before this process does.
     let _share = Share::enter(&args.run)?;
     let orders = Orders::read(&args.run)?;
-    let node = registry::find(&args.name).ok_or_else(|| format!("there is no node {}", args.name))?;
-    let settings = orders.configuration.get(node.name).cloned().unwrap_or_default();
+    let node =
+        registry::find(&args.name).ok_or_else(|| format!("there is no node {}", args.name))?;
+    let settings = orders
+        .configuration
+        .get(node.name)
+        .cloned()
+        .unwrap_or_default();
     let resume: Progress = match &args.resume {
         Some(json) => serde_json::from_str(json)?,
         None => Progress::default(),
     };
-    let mut bus = Bus::join(orders.run, node.name, resume.done_below)?;
-    let start = Start { life: args.life, resume, configuration: orders.configuration };
+    let mut bus = Bus::join(orders.run.clone(), node.name, resume.done_below)?;
+    let Orders {
+        configuration,
+        graph,
+        scans,
+        ..
+    } = orders;
+    let start = Start {
+        life: args.life,
+        resume,
+        configuration,
+        graph,
+        scans,
+    };
     (node.run)(&mut bus, &settings, &start)
 }

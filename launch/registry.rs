@@ -74,8 +74,10 @@ pub(crate) fn find(name: &str) -> Option<&'static NodeType> {
     NODES.iter().find(|node| node.name == name)
 }
 
+/// Settings as JSON, by way of their text: a single-precision 0.4 stays 0.4.
 fn json(settings: &impl serde::Serialize) -> Value {
-    serde_json::to_value(settings).unwrap_or_default()
+    let text = serde_json::to_string(settings).unwrap_or_default();
+    serde_json::from_str(&text).unwrap_or_default()
 }
 
 fn parse<S: Settings>(value: &Value) -> Result<S, String> {

@@ -33,10 +33,16 @@ fn home() -> io::Result<PathBuf> {
         Some(dir) => PathBuf::from(dir).join("tricurve"),
         None => std::env::temp_dir().join(format!("tricurve-{uid}")),
     };
-    DirBuilder::new().recursive(true).mode(0o700).create(&home)?;
+    DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(&home)?;
     let meta = fs::symlink_metadata(&home)?;
     if !meta.is_dir() || meta.uid() != uid || meta.mode() & 0o077 != 0 {
-        let text = format!("{} must be a folder of yours that nobody else can enter", home.display());
+        let text = format!(
+            "{} must be a folder of yours that nobody else can enter",
+            home.display()
+        );
         return Err(io::Error::new(io::ErrorKind::PermissionDenied, text));
     }
     Ok(home)
@@ -47,12 +53,17 @@ impl RunDir {
     pub(crate) fn create() -> io::Result<Self> {
         let home = home()?;
         let pid = std::process::id();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let now = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default();
         let name = format!("{pid}-{:x}", now.as_micros());
         let path = home.join(&name);
         // iceoryx2 takes no longer root paths.
         if path.as_os_str().len() > 90 {
-            let text = format!("the path {} is too long for shared memory's names", path.display());
+            let text = format!(
+                "the path {} is too long for shared memory's names",
+                path.display()
+            );
             return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
         }
         DirBuilder::new().mode(0o700).create(&path)?;
@@ -61,7 +72,11 @@ impl RunDir {
         File::create(path.join(NODES))?;
         let prefix = format!("tricurve_{name}_");
         fs::write(path.join(PREFIX), &prefix)?;
-        Ok(Self { path, prefix, _lock: lock })
+        Ok(Self {
+            path,
+            prefix,
+            _lock: lock,
+        })
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -92,7 +107,10 @@ impl Share {
     pub(crate) fn enter(path: &Path) -> io::Result<Self> {
         let lock = File::open(path.join(NODES))?;
         flock(&lock, FlockOperation::NonBlockingLockShared)?;
-        Ok(Self { path: path.to_owned(), lock: Some(lock) })
+        Ok(Self {
+            path: path.to_owned(),
+            lock: Some(lock),
+        })
     }
 }
 
@@ -109,7 +127,8 @@ impl Drop for Share {
 /// Whether neither the launcher nor any node of a run is alive.
 fn is_abandoned(run: &Path) -> bool {
     let free = |name: &str| {
-        File::open(run.join(name)).is_ok_and(|f| flock(&f, FlockOperation::NonBlockingLockExclusive).is_ok())
+        File::open(run.join(name))
+            .is_ok_and(|f| flock(&f, FlockOperation::NonBlockingLockExclusive).is_ok())
     };
     free(LAUNCHER) && free(NODES)
 }

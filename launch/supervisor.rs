@@ -77,7 +77,10 @@ impl Node {
         // A node that cannot be told is dead, and its death is heard elsewhere.
         if let (Some(orders), Ok(mut line)) = (&mut self.orders, serde_json::to_vec(command)) {
             line.push(b'\n');
-            orders.write_all(&line).and_then(|()| orders.flush()).unwrap_or_default();
+            orders
+                .write_all(&line)
+                .and_then(|()| orders.flush())
+                .unwrap_or_default();
         }
     }
 }
@@ -169,11 +172,16 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
 
     fn spawn(&self, place: usize, life: u32) -> Result<Node, Failure> {
         let name = self.duty.nodes[place].clone();
-        let cannot = |e: std::io::Error| Failure::failed(format!("cannot start the node {name}: {e}"));
+        let cannot =
+            |e: std::io::Error| Failure::failed(format!("cannot start the node {name}: {e}"));
         let mut child = Process::new(std::env::current_exe().map_err(cannot)?)
             .args(["node", &name, "--life", &life.to_string()])
             .arg("--resume")
-            .arg(serde_json::to_string(&self.progress).map_err(std::io::Error::from).map_err(cannot)?)
+            .arg(
+                serde_json::to_string(&self.progress)
+                    .map_err(std::io::Error::from)
+                    .map_err(cannot)?,
+            )
             .arg("--run")
             .arg(self.duty.folder)
             .stdin(Stdio::piped())
@@ -186,7 +194,11 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         let out = child.stdout.take();
         let teller = self.teller.clone();
         let listen = move || {
-            for line in out.into_iter().flat_map(|out| BufReader::new(out).lines()).map_while(Result::ok) {
+            for line in out
+                .into_iter()
+                .flat_map(|out| BufReader::new(out).lines())
+                .map_while(Result::ok)
+            {
                 if let Ok(event) = serde_json::from_str(&line) {
                     if teller.send(News::Event(place, life, event)).is_err() {
                         return;
@@ -195,7 +207,10 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             }
             teller.send(News::Gone(place, life)).unwrap_or_default();
         };
-        std::thread::Builder::new().name(format!("hear {name}")).spawn(listen).map_err(cannot)?;
+        std::thread::Builder::new()
+            .name(format!("hear {name}"))
+            .spawn(listen)
+            .map_err(cannot)?;
         Ok(Node {
             name,
             child,
@@ -212,12 +227,18 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
     /// Takes in what happens, at most for this long.
     fn hear(&mut self, timeout: Duration) -> Result<(), Failure> {
         match self.news.recv_timeout(timeout) {
-            Ok(News::Event(place, life, event)) if self.nodes[place].life == life => self.event(place, event),
+            Ok(News::Event(place, life, event)) if self.nodes[place].life == life => {
+                self.event(place, event)
+            }
             Ok(News::Gone(place, life)) if self.nodes[place].life == life => self.gone(place)?,
             Ok(News::Signal) => {
                 self.signals += 1;
                 if self.signals == 1 {
-                    self.watcher.say(Level::Info, "launch", "stopping: the pipe drains; once more aborts");
+                    self.watcher.say(
+                        Level::Info,
+                        "launch",
+                        "stopping: the pipe drains; once more aborts",
+                    );
                     self.nodes[0].tell(&Command::Drain);
                 }
             }
@@ -244,7 +265,11 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                 }
             }
             Event::Report(report) => {
-                if self.nodes[place].report.as_ref().is_none_or(|last| last.topics != report.topics) {
+                if self.nodes[place]
+                    .report
+                    .as_ref()
+                    .is_none_or(|last| last.topics != report.topics)
+                {
                     self.moved = Instant::now();
                 }
                 self.nodes[place].report = Some(report);
@@ -269,18 +294,32 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             return Ok(());
         }
         if gave_up || !self.nodes.iter().any(|n| n.has_begun) {
-            let what = if gave_up { "cannot go on" } else { "could not be started" };
-            self.trouble = Some((Outcome::Failed, format!("{name} {what} ({how}): the run ends")));
+            let what = if gave_up {
+                "cannot go on"
+            } else {
+                "could not be started"
+            };
+            self.trouble = Some((
+                Outcome::Failed,
+                format!("{name} {what} ({how}): the run ends"),
+            ));
             return Ok(());
         }
         self.restarts_since_progress += 1;
         if self.restarts_since_progress > self.duty.restarts {
-            let text = format!("{name} {how}, after {} restarts without a scan done: the run gives up", self.duty.restarts);
+            let text = format!(
+                "{name} {how}, after {} restarts without a scan done: the run gives up",
+                self.duty.restarts
+            );
             self.trouble = Some((Outcome::Lost, text));
             return Ok(());
         }
         *self.restarts.entry(name.clone()).or_default() += 1;
-        self.watcher.say(Level::Warn, "launch", &format!("{name} {how}: it is restarted"));
+        self.watcher.say(
+            Level::Warn,
+            "launch",
+            &format!("{name} {how}: it is restarted"),
+        );
         self.nodes[place] = self.spawn(place, life + 1)?;
         self.connecting = false;
         for node in &mut self.nodes {
@@ -293,7 +332,8 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
     /// Brings all nodes to where everybody is connected and has begun.
     fn assemble(&mut self) {
         let live = || self.nodes.iter().filter(|n| !n.has_finished);
-        if self.nodes.len() < self.duty.nodes.len() || live().all(|n| n.has_begun && n.is_connected) {
+        if self.nodes.len() < self.duty.nodes.len() || live().all(|n| n.has_begun && n.is_connected)
+        {
             return;
         }
         let all_have_ports = live().all(|n| n.has_ports);
@@ -327,7 +367,10 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         let under_way = self.progress.admitted - self.progress.done.min(self.progress.admitted);
         let assembled = self.nodes.iter().all(|n| n.has_begun && n.is_connected);
         if !assembled && idle > GRACE.max(self.duty.patience) {
-            let silent = self.nodes.iter().filter(|n| !n.has_ports || !n.is_connected);
+            let silent = self
+                .nodes
+                .iter()
+                .filter(|n| !n.has_ports || !n.is_connected);
             let names: Vec<&str> = silent.map(|n| n.name.as_str()).collect();
             let text = format!("{} did not get ready: the run ends", names.join(", "));
             self.trouble = Some((Outcome::Failed, text));
@@ -336,7 +379,11 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             self.trouble = Some((Outcome::Lost, text));
         } else if assembled && under_way > 0 && idle > self.duty.patience && !self.has_resent {
             self.has_resent = true;
-            self.watcher.say(Level::Warn, "launch", "nothing moves: the scans under way are sent once more");
+            self.watcher.say(
+                Level::Warn,
+                "launch",
+                "nothing moves: the scans under way are sent once more",
+            );
             self.nodes[0].tell(&Command::Resend);
         }
     }
@@ -350,14 +397,19 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             loop {
                 if told != Some(self.nodes[place].life) {
                     told = Some(self.nodes[place].life);
-                    self.nodes[place].tell(&Command::Stop { ledger: ledger.clone() });
+                    self.nodes[place].tell(&Command::Stop {
+                        ledger: Some(ledger.clone()),
+                    });
                 }
                 let is_over = !matches!(self.nodes[place].child.try_wait(), Ok(None));
                 if is_over && (self.nodes[place].has_finished || self.trouble.is_some()) {
                     break;
                 }
                 if self.signals > 1 || Instant::now() > deadline {
-                    let text = format!("{} did not end in time and was killed", self.nodes[place].name);
+                    let text = format!(
+                        "{} did not end in time and was killed",
+                        self.nodes[place].name
+                    );
                     self.trouble.get_or_insert((Outcome::Failed, text));
                     break;
                 }
@@ -374,7 +426,12 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             admitted: self.progress.admitted,
             done: self.progress.done,
             refused: self.progress.refused.clone(),
-            nodes: self.nodes.iter().filter_map(topics).filter(|(_, topics)| !topics.is_empty()).collect(),
+            nodes: self
+                .nodes
+                .iter()
+                .filter_map(topics)
+                .filter(|(_, topics)| !topics.is_empty())
+                .collect(),
         }
     }
 
@@ -420,7 +477,8 @@ fn how_it_ended(status: ExitStatus) -> String {
 fn signals(teller: &Sender<News>) -> Result<signal_hook::iterator::Handle, Failure> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     let cannot = |e| Failure::failed(format!("cannot listen to signals: {e}"));
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(cannot)?;
+    let mut signals =
+        signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(cannot)?;
     let handle = signals.handle();
     let teller = teller.clone();
     let listen = move || {
@@ -430,6 +488,9 @@ fn signals(teller: &Sender<News>) -> Result<signal_hook::iterator::Handle, Failu
             }
         }
     };
-    std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map_err(cannot)?;
+    std::thread::Builder::new()
+        .name("signals".to_owned())
+        .spawn(listen)
+        .map_err(cannot)?;
     Ok(handle)
 }

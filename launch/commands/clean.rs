@@ -3,10 +3,14 @@
 use crate::{Failure, Outcome, rundir};
 
 pub(crate) fn run() -> Result<Outcome, Failure> {
-    let (runs, bytes) = rundir::clean().map_err(|e| Failure::failed(format!("cannot clean: {e}")))?;
+    let (runs, bytes) =
+        rundir::clean().map_err(|e| Failure::failed(format!("cannot clean: {e}")))?;
     let text = match runs {
         0 => "nothing to clean: no dead run left anything\n".to_owned(),
-        _ => format!("cleaned up after {runs} dead runs: {:.1} MB of shared memory\n", bytes as f64 / 1e6),
+        _ => format!(
+            "cleaned up after {runs} dead runs: {:.1} MB of shared memory\n",
+            bytes as f64 / 1e6
+        ),
     };
     super::print(&text)?;
     Ok(Outcome::Done)

@@ -5,7 +5,11 @@ use crate::graph::{Graph, Overrides};
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &GraphFile) -> Result<Outcome, Failure> {
-    let graph = Graph::load(args.graph.as_deref(), args.profile, &Overrides::parse(&args.set)?)?;
+    let graph = Graph::load(
+        args.graph.as_deref(),
+        args.profile,
+        &Overrides::parse(&args.set)?,
+    )?;
     super::print(&graph.to_toml())?;
     Ok(Outcome::Done)
 }

@@ -33,6 +33,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::header::Header;
 use crate::ledger::{Account, Ledger, Seen};
+use crate::payload::AnyView;
 use crate::rig::{Delivery, Rig};
 use crate::topic::{Kind, Stage, Topic};
 
@@ -87,7 +88,7 @@ impl Run {
     /// Bytes of shared memory that all scans under way need in the worst case, every pixel a zero-crossing.
     pub fn worst_case_bytes(&self) -> u64 {
         let size = self.rig.size;
-        let words = |kind| ports::words(kind, size) as u64 * 8;
+        let words = |kind| AnyView::words(kind, size) as u64 * 8;
         let scan: u64 = Topic::all(&self.rig).iter().map(|t| words(t.kind)).sum();
         scan * self.in_flight as u64
     }
@@ -102,6 +103,10 @@ pub struct Start {
     pub resume: Progress,
     /// The run's whole effective configuration: the graph's keys and every node's.
     pub configuration: serde_json::Value,
+    /// The graph as a Mermaid diagram.
+    pub graph: String,
+    /// The names of the source's scans, where they have some.
+    pub scans: Vec<String>,
 }
 
 /// Why the bus failed.
@@ -230,8 +235,8 @@ pub enum Request {
     Resend,
     /// Finish: take in no new scan, let the pipe drain.
     Drain,
-    /// End now; the whole run's ledger, for who records it.
-    Stop(Box<Ledger>),
+    /// End now; the whole run's ledger, for who records it. Without one the launcher is dead.
+    Stop(Option<Box<Ledger>>),
 }
 
 /// How often a node reports its ledger.
@@ -289,6 +294,11 @@ impl Bus {
             name: name.to_owned(),
             run,
         })
+    }
+
+    /// The node's name.
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// The run.
@@ -429,8 +439,7 @@ impl Bus {
     pub fn next_scan(&mut self, joins: &mut Joins) -> Result<Option<Joined>, BusError> {
         loop {
             self.obey()?;
-            if let Some(joined) = joins.receive()? {
-                self.book.borrow_mut().mark = Some(Instant::now());
+            if let Some(joined) = self.scan_now(joins)? {
                 return Ok(Some(joined));
             }
             if self.is_stopping() {
@@ -438,6 +447,21 @@ impl Bus {
             }
             self.sleep(self.until_report())?;
         }
+    }
+
+    /// A scan of which every input has come, without waiting for it.
+    ///
+    /// # Errors
+    /// When a subscriber fails.
+    pub fn scan_now(&mut self, joins: &mut Joins) -> Result<Option<Joined>, BusError> {
+        let joined = joins.receive()?;
+        self.book.borrow_mut().mark = Some(Instant::now());
+        Ok(joined)
+    }
+
+    /// Adds what this node spent on a scan, for one that publishes nothing.
+    pub fn spent(&self, duration: Duration) {
+        self.book.borrow_mut().meter.scan(duration);
     }
 
     /// The next request of the launcher; waits up to `timeout` for it or for the inbox.
@@ -478,7 +502,9 @@ impl Bus {
                 Command::Begin => self.waiting.push_back(Request::Begin),
                 Command::Resend => self.waiting.push_back(Request::Resend),
                 Command::Drain => self.waiting.push_back(Request::Drain),
-                Command::Stop { ledger } => self.waiting.push_back(Request::Stop(Box::new(ledger))),
+                Command::Stop { ledger } => {
+                    self.waiting.push_back(Request::Stop(ledger.map(Box::new)));
+                }
             }
         }
         if self.next_report <= Instant::now() {
@@ -510,7 +536,10 @@ impl Bus {
 
     /// Sends the last report: the node did what it could, and why that was not all.
     pub fn finish_failed(&self, why: impl ToString, counts: &[(&str, u64)]) {
-        self.send_last(NodeReport { failed: Some(why.to_string()), ..self.report(counts) });
+        self.send_last(NodeReport {
+            failed: Some(why.to_string()),
+            ..self.report(counts)
+        });
     }
 
     fn send_last(&self, report: NodeReport) {

@@ -481,6 +481,22 @@ macro_rules! any_view {
             }
         }
 
+        impl<'a> AnyView<'a> {
+            /// Sees a payload of this kind, as [`Message::view`] does.
+            pub fn of(kind: Kind, words: &'a [u64], size: Size, lens: [u32; SECTIONS]) -> Option<Self> {
+                match kind {
+                    $(Kind::$name => $name::view(words, size, lens).map(Self::$name),)+
+                }
+            }
+
+            /// The words a payload of this kind needs for images up to `size`, as [`Message::words`].
+            pub fn words(kind: Kind, size: Size) -> usize {
+                match kind {
+                    $(Kind::$name => $name::words(size),)+
+                }
+            }
+        }
+
         $(impl<'a> From<$view<'a>> for AnyView<'a> {
             fn from(view: $view<'a>) -> Self {
                 Self::$name(view)

@@ -22,8 +22,14 @@ impl Progress {
     pub(crate) fn new(is_quiet: bool) -> Self {
         let on_terminal = std::io::stderr().is_terminal() && !is_quiet;
         let style = ProgressStyle::with_template("{bar:32} {pos}/{len} scans  {msg}  {elapsed}");
-        let bar = on_terminal.then(|| ProgressBar::new(0).with_style(style.unwrap_or(ProgressStyle::default_bar())));
-        Self { bar, is_quiet, began: None, next_line: Instant::now() }
+        let bar = on_terminal
+            .then(|| ProgressBar::new(0).with_style(style.unwrap_or(ProgressStyle::default_bar())));
+        Self {
+            bar,
+            is_quiet,
+            began: None,
+            next_line: Instant::now(),
+        }
     }
 
     pub(crate) fn end(&self) {
@@ -38,7 +44,11 @@ impl Watcher for Progress {
         let began = *self.began.get_or_insert_with(Instant::now);
         let rate = progress.done as f64 / began.elapsed().as_secs_f64().max(1e-3);
         let refused: u64 = progress.refused.values().sum();
-        let dropped = if refused > 0 { format!(", {refused} dropped") } else { String::new() };
+        let dropped = if refused > 0 {
+            format!(", {refused} dropped")
+        } else {
+            String::new()
+        };
         let under_way = progress.admitted - progress.done.min(progress.admitted);
         let message = format!("{rate:.1} triples/s, {under_way} under way{dropped}");
         if let Some(bar) = &self.bar {
@@ -47,7 +57,9 @@ impl Watcher for Progress {
             bar.set_message(message);
         } else if !self.is_quiet && Instant::now() >= self.next_line {
             self.next_line = Instant::now() + LINE_EVERY;
-            let total = progress.total.map_or(String::new(), |total| format!("/{total}"));
+            let total = progress
+                .total
+                .map_or(String::new(), |total| format!("/{total}"));
             eprintln!("{}{total} scans, {message}", progress.done);
         }
     }

@@ -26,7 +26,7 @@ pub enum Command {
     /// End.
     Stop {
         /// The whole run's account.
-        ledger: Ledger,
+        ledger: Option<Ledger>,
     },
 }
 
@@ -135,9 +135,7 @@ pub(super) fn listen(run: &Run, name: &str) -> Result<Receiver<Command>, BusErro
             }
         }
         // The launcher is gone, and its children go with it: in good order if they can, in any case soon.
-        drop(commands.send(Command::Stop {
-            ledger: Ledger::default(),
-        }));
+        drop(commands.send(Command::Stop { ledger: None }));
         ring();
         std::thread::sleep(FAREWELL);
         #[expect(clippy::exit, reason = "an orphan must not outlive its launcher")]

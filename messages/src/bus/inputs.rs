@@ -7,7 +7,7 @@ use std::rc::Rc;
 use super::ports::{self, DataSample, DataSubscriber, Ports};
 use super::{Book, BusError, Run};
 use crate::header::{Header, Size};
-use crate::payload::Message;
+use crate::payload::{AnyView, Message};
 use crate::topic::{Kind, Topic};
 
 /// A message as received: its payload lies in shared memory until this is dropped.
@@ -45,6 +45,16 @@ impl Received {
             .then(|| M::view(self.sample.payload(), self.room, header.lens))
             .flatten()
             .ok_or_else(|| self.damaged())
+    }
+
+    /// Its payload, whatever its kind.
+    ///
+    /// # Errors
+    /// [`BusError::Damaged`] when its lengths do not fit.
+    pub fn any_view(&self) -> Result<AnyView<'_>, BusError> {
+        let lens = self.header().lens;
+        let view = AnyView::of(self.topic.kind, self.sample.payload(), self.room, lens);
+        view.ok_or_else(|| self.damaged())
     }
 
     /// The error that says this message is damaged.

@@ -21,6 +21,9 @@ pub struct Percentiles {
 /// The scans whose messages are being made at the same time; the door keeps fewer in flight.
 const OPEN: usize = 64;
 
+/// The longest time told apart, in microseconds.
+const HOUR: u64 = 3_600_000_000;
+
 /// Adds up the time spent on the messages of each scan.
 pub struct Meter {
     messages_a_scan: u32,
@@ -36,8 +39,8 @@ impl std::fmt::Debug for Meter {
 
 impl Default for Meter {
     fn default() -> Self {
-        #[expect(clippy::expect_used, reason = "1 to 5 significant digits are valid")]
-        let microseconds = Histogram::new(3).expect("three digits");
+        #[expect(clippy::expect_used, reason = "these bounds are valid")]
+        let microseconds = Histogram::new_with_bounds(1, HOUR, 3).expect("valid bounds");
         Self {
             messages_a_scan: 0,
             open: [(u64::MAX, 0, Duration::ZERO); OPEN],

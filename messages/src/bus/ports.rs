@@ -19,11 +19,9 @@ use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
 
 use super::{BusError, NodePlan, Run};
-use crate::header::{Header, Size};
-use crate::payload::{
-    ALIGNMENT, Curves, Disparity, Edges, Image, Matches, Message, Points, Tables,
-};
-use crate::topic::{Kind, Topic};
+use crate::header::Header;
+use crate::payload::{ALIGNMENT, AnyView};
+use crate::topic::Topic;
 
 /// The header as it stands before every payload in shared memory.
 #[repr(C)]
@@ -59,19 +57,6 @@ const DEAD: usize = 1;
 const REPORT_BYTES: usize = 256 * 1024;
 /// Reports a slow reader may lag behind.
 const REPORTS: usize = 256;
-
-/// The words a message of this kind needs in the worst case.
-pub(super) fn words(kind: Kind, size: Size) -> usize {
-    match kind {
-        Kind::Image => Image::words(size),
-        Kind::Edges => Edges::words(size),
-        Kind::Curves => Curves::words(size),
-        Kind::Tables => Tables::words(size),
-        Kind::Matches => Matches::words(size),
-        Kind::Disparity => Disparity::words(size),
-        Kind::Points => Points::words(size),
-    }
-}
 
 /// Makes the ports of one process in one run.
 pub(super) struct Ports {
@@ -139,7 +124,7 @@ impl Ports {
         service!(self.node, &topic.name, u64, publishers 1, subscribers takers,
                  buffer self.run.buffer(), overflow false)?
         .publisher_builder()
-        .initial_max_slice_len(words(topic.kind, self.run.rig.size))
+        .initial_max_slice_len(AnyView::words(topic.kind, self.run.rig.size))
         .max_loaned_samples(1)
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .create()

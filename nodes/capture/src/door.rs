@@ -85,12 +85,11 @@ impl Door {
             .under_way
             .iter()
             .position(|scan| scan.sequence == sequence);
-        place
-            .inspect(|&place| drop(self.under_way.remove(place)))
-            .is_some_and(|_| {
-                self.done += 1;
-                true
-            })
+        if let Some(place) = place {
+            self.under_way.remove(place);
+            self.done += 1;
+        }
+        place.is_some()
     }
 
     /// The scans under way, in order.

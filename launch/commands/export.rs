@@ -1,0 +1,41 @@
+//! `tricurve export`: a recording's results in the formats of other trades.
+
+use record::{Export, Recording, export};
+
+use crate::cli::Export as Args;
+use crate::{Failure, Outcome};
+
+pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let wanted = Export {
+        scan: args.scan,
+        csv: args.csv.clone(),
+        pfm: args.pfm.clone(),
+        ply: args.ply.clone(),
+        png: args.png.clone(),
+    };
+    if (Export {
+        scan: wanted.scan,
+        ..Export::default()
+    }) == wanted
+    {
+        return Err(Failure::usage(
+            "nothing to export: say what with --csv, --pfm, --ply or --png",
+        ));
+    }
+    let mut recording = Recording::open(&args.file).map_err(Failure::failed)?;
+    for note in recording.notes() {
+        eprintln!("tricurve: {note}");
+    }
+    if !recording
+        .metadata()
+        .rig
+        .calibration
+        .is_some_and(|camera| camera.calibrated)
+    {
+        eprintln!("tricurve: the cameras are not calibrated: depths are right up to one factor");
+    }
+    for path in export(&mut recording, &wanted).map_err(Failure::failed)? {
+        super::print(&format!("{}\n", path.display()))?;
+    }
+    Ok(Outcome::Done)
+}
