@@ -271,10 +271,11 @@ pub(crate) fn fill_gaps(choices: &mut [Choice], steadiness: &Steadiness) {
                 continue;
             }
             let (from, to) = (choices[last], choices[at]);
-            for between in last + 1..at {
-                let share = (between - last) as f32 / (at - last) as f32;
+            let steps = (at - last) as f32;
+            for (step, between) in (1u16..).zip(&mut choices[last + 1..at]) {
+                let share = f32::from(step) / steps;
                 let mix = |a: f32, b: f32| a + share * (b - a);
-                choices[between] = Choice {
+                *between = Choice {
                     disparity: mix(from.disparity, to.disparity),
                     cost: from.cost.max(to.cost),
                     margin: from.margin.min(to.margin),
@@ -299,8 +300,9 @@ pub(crate) fn straighten(choices: &mut [Choice], reach: usize, step: f32, smooth
         }
         let here = smooth[at];
         let (mut n, mut t, mut tt, mut d, mut td) = (0.0f32, 0.0f32, 0.0f32, 0.0f32, 0.0f32);
-        for near in at.saturating_sub(reach)..(at + reach + 1).min(choices.len()) {
-            let disparity = smooth[near];
+        let start = at.saturating_sub(reach);
+        let end = (at + reach + 1).min(smooth.len());
+        for (near, &disparity) in (start..).zip(&smooth[start..end]) {
             if (disparity - here).abs() <= step {
                 let place = near as f32 - at as f32;
                 n += 1.0;

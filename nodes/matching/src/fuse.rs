@@ -16,6 +16,10 @@ pub(crate) struct Fuse {
 impl Fuse {
     /// Fills the disparity picture and the list of points; `channels` are coarse to fine, each with its matches and
     /// the label of the reference view's curve in each.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "what is fused, in which view, and where to"
+    )]
     pub(crate) fn fuse(
         &mut self,
         channels: &[MatchesRoom<'_>],
@@ -46,7 +50,7 @@ impl Fuse {
                     &matches.points[found.first as usize..(found.first + found.count) as usize]
                 {
                     let (column, row) = ((point.x + 0.5) as usize, (point.y + 0.5) as usize);
-                    if column >= width || row >= height || !(point.disparity > 0.0) {
+                    if column >= width || row >= height || point.disparity <= 0.0 {
                         continue;
                     }
                     let pixel = row * width + column;

@@ -52,7 +52,8 @@ messages::settings! {
         pub orientation_tolerance: f32 = 25.0, in 1..=90;
         /// Pixels by which the far view may miss what the near one predicts.
         pub miss: f32 = 0.8, in 0.1..=8;
-        /// Degrees from horizontal up to which a contour is filled in along the curve instead of matched.
+        /// Degrees from horizontal up to which a contour is filled in along the curve instead of matched. 9 cover 0.015
+        /// less at equal errors.
         pub flat: f32 = 2.0, in 0..=80;
         /// Candidates kept a point.
         pub candidates: usize = 8, in 1..=32;
@@ -68,7 +69,8 @@ messages::settings! {
         pub better_side: f32 = 4.0, in 1..=100;
         /// Cost of a doubled gradient magnitude.
         pub magnitude_cost: f32 = 0.3, in 0..=10;
-        /// Cost of a point that chooses no candidate.
+        /// Cost of a point that chooses no candidate. 1.3 cover 0.70 with 0.48 % wrong, 1.0 cover 0.69 with 0.41 %, 0.8 cover
+        /// 0.02 less with 0.06 % less.
         pub nothing: f32 = 1.0, in 0..=10;
         /// Cost of a pixel of change in disparity along a curve.
         pub change: f32 = 1.0, in 0..=10;
@@ -83,9 +85,10 @@ messages::settings! {
         pub cell: f32 = 16.0, in 4..=128;
         /// Pixels of disparity between neighbours in a run of steady disparity.
         pub steady: f32 = 1.0, in 0.1..=16;
-        /// Points without a disparity that a run bridges, and that are filled in.
+        /// Points without a disparity that a run bridges, and that are filled in. 6 cover 0.03 less, 16 are wrong more
+        /// often (0.87 % against 0.76 %).
         pub gap: usize = 10, in 0..=64;
-        /// Points seen in a run that is trusted.
+        /// Points seen in a run that is trusted. From 8 to 3 coverage of real scenes grows by 0.08 without more errors.
         pub run: usize = 3, in 1..=256;
         /// How much dearer, on average over a run, the best candidates at other disparities must be: a repeated texture
         /// is left alone.
@@ -106,7 +109,7 @@ messages::settings! {
         pub support_least: f32 = 4.0, in 0..=256;
         /// Pixels a cell measures in which neighbours are counted.
         pub support_cell: f32 = 8.0, in 4..=128;
-        /// Pixels around a finer channel's points that coarser ones leave alone.
+        /// Pixels around a finer channel's points that coarser ones leave alone. 2 cover 0.02 less at equal errors.
         pub fill_in_radius: usize = 0, in 0..=32;
         /// Whether coarser channels fill in at all.
         pub fill_in: bool = true;
