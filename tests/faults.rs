@@ -1,0 +1,139 @@
+//! Faults: nodes killed, launchers killed, signals, a full disk. Nothing is lost silently, nothing is left behind.
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+mod harness;
+
+use std::process::{Child, Command, Stdio};
+
+use harness::{Ran, World, bytes_of, signal, wait_until};
+
+const SCANS: &str = "300";
+
+/// Starts a run long enough to be disturbed, and waits until it is under way.
+fn start(world: &World, scans: &str) -> Child {
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let child = world.start(&["run", "--source", &source, "--scans", scans, "--record", "x.mcap", "--json"]);
+    wait_until("scans are recorded", || bytes_of(&world.path("x.mcap")) > 1_000_000);
+    child
+}
+
+#[track_caller]
+fn holds_every_scan_once(world: &World, scans: u64) {
+    let info = world.run(&["info", "x.mcap", "--json"]).done().json();
+    assert_eq!(info["complete"], true, "{info}");
+    assert_eq!(info["scans"]["whole"], scans, "{info}");
+    assert_eq!(info["scans"]["total"], scans, "{info}");
+}
+
+/// Kills a node of a run and looks at what comes of it.
+fn kill(node: &str) {
+    let world = World::new();
+    let child = start(&world, SCANS);
+    let pid = world.nodes().into_iter().find(|(name, _)| name == node).unwrap().1;
+    signal(pid, "KILL");
+    let ran = Ran::new(child.wait_with_output().unwrap()).done();
+    let summary = ran.json();
+    let restarts = |n: &serde_json::Value| n["node"] == node && n["restarts"].as_u64() >= Some(1);
+    assert!(summary["nodes"].as_array().unwrap().iter().any(restarts), "killed too late: {ran:?}");
+    assert_eq!(summary["balanced"], true, "{ran:?}");
+    holds_every_scan_once(&world, 300);
+    assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
+}
+
+#[test]
+fn a_killed_capture_is_restarted_and_nothing_is_lost() {
+    kill("capture");
+}
+
+#[test]
+fn a_killed_filter_is_restarted_and_nothing_is_lost() {
+    kill("filter");
+}
+
+#[test]
+fn a_killed_track_is_restarted_and_nothing_is_lost() {
+    kill("track");
+}
+
+#[test]
+fn a_killed_hough_is_restarted_and_nothing_is_lost() {
+    kill("hough");
+}
+
+#[test]
+fn a_killed_match_is_restarted_and_nothing_is_lost() {
+    kill("match");
+}
+
+#[test]
+fn a_killed_recorder_goes_on_in_the_next_part_and_nothing_is_lost() {
+    kill("record");
+}
+
+#[test]
+fn a_signal_drains_the_pipe_and_finishes_the_recording() {
+    for name in ["INT", "TERM"] {
+        let world = World::new();
+        let child = start(&world, "100000");
+        signal(child.id(), name);
+        let ran = Ran::new(child.wait_with_output().unwrap()).done();
+        let done = ran.json()["ledger"]["done"].as_u64().unwrap();
+        assert!(done > 0 && done < 100_000, "{ran:?}");
+        holds_every_scan_once(&world, done);
+        assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
+    }
+}
+
+#[test]
+fn nodes_die_with_their_launcher_and_leave_nothing() {
+    let world = World::new();
+    let mut child = start(&world, "100000");
+    assert_eq!(world.nodes().len(), 6);
+    signal(child.id(), "KILL");
+    child.wait().unwrap();
+    wait_until("the nodes are gone", || world.nodes().is_empty());
+    assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
+    // What was recorded is there.
+    let info = world.run(&["info", "x.mcap", "--json"]).done().json();
+    assert!(info["scans"]["whole"].as_u64().unwrap() > 0, "{info}");
+}
+
+#[test]
+fn a_full_disk_ends_the_run_and_what_was_written_stays_readable() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    // A limit on file sizes, its signal ignored, makes writes fail as a full disk does.
+    let script = "trap '' XFSZ; ulimit -f 6000; exec \"$0\" run --source \"$1\" --scans 100000 --record x.mcap";
+    let tricurve = world.tricurve(&[]);
+    let mut command = Command::new("bash");
+    command.args(["-c", script, tricurve.get_program().to_str().unwrap(), scene.to_str().unwrap()]);
+    command.current_dir(tricurve.get_current_dir().unwrap());
+    for (key, value) in tricurve.get_envs() {
+        command.env(key, value.unwrap());
+    }
+    let ran = Ran::new(command.stdout(Stdio::piped()).stderr(Stdio::piped()).output().unwrap());
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.err.contains("x.mcap"), "{}", ran.err);
+    let info = world.run(&["info", "x.mcap", "--json"]).done().json();
+    assert!(info["scans"]["whole"].as_u64().unwrap() > 0, "{info}");
+    assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
+}
+
+#[test]
+fn clean_sweeps_up_after_a_run_whose_processes_were_all_killed() {
+    let world = World::new();
+    let mut child = start(&world, "100000");
+    for (_, pid) in world.nodes() {
+        signal(pid, "STOP");
+    }
+    signal(child.id(), "KILL");
+    child.wait().unwrap();
+    for (_, pid) in world.nodes() {
+        signal(pid, "KILL");
+    }
+    wait_until("the nodes are gone", || world.nodes().is_empty());
+    assert!(!world.leftovers().is_empty());
+    assert!(world.run(&["clean"]).done().out.contains("cleaned up after 1 dead run"));
+    assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
+}

@@ -1,0 +1,148 @@
+//! Runs the program as its users do: as a process, in a world of its own.
+#![allow(dead_code, clippy::unwrap_used, clippy::expect_used, reason = "each test file uses its part; tests may panic")]
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A world: a folder for files and one for the run's shared memory, nobody else's.
+pub struct World {
+    folder: TempDir,
+    runtime: TempDir,
+}
+
+impl World {
+    pub fn new() -> Self {
+        let runtime = tempfile::Builder::new().prefix("tc").tempdir().unwrap();
+        fs::set_permissions(runtime.path(), fs::Permissions::from_mode(0o700)).unwrap();
+        Self { folder: tempfile::tempdir().unwrap(), runtime }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// The program, about to run in this world.
+    pub fn tricurve(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tricurve"));
+        command.args(arguments).env("XDG_RUNTIME_DIR", self.runtime.path()).current_dir(self.folder.path());
+        command
+    }
+
+    /// Runs the program to its end.
+    pub fn run(&self, arguments: &[&str]) -> Ran {
+        Ran::new(self.tricurve(arguments).output().unwrap())
+    }
+
+    /// Starts the program and goes on.
+    pub fn start(&self, arguments: &[&str]) -> Child {
+        self.tricurve(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    /// Process ids of the nodes of this world's runs, by name.
+    pub fn nodes(&self) -> Vec<(String, u32)> {
+        let runtime = self.runtime.path().to_string_lossy().into_owned();
+        let mut nodes = Vec::new();
+        for entry in fs::read_dir("/proc").unwrap().flatten() {
+            let Ok(pid) = entry.file_name().to_string_lossy().parse::<u32>() else { continue };
+            let line = fs::read(entry.path().join("cmdline")).unwrap_or_default();
+            let words: Vec<String> = line.split(|b| *b == 0).map(|w| String::from_utf8_lossy(w).into_owned()).collect();
+            if words.get(1).is_some_and(|w| w == "node") && words.iter().any(|w| w.starts_with(&runtime)) {
+                nodes.push((words[2].clone(), pid));
+            }
+        }
+        nodes
+    }
+
+    /// What this world's runs still hold: folders and shared memory.
+    pub fn leftovers(&self) -> Vec<PathBuf> {
+        let runs = fs::read_dir(self.runtime.path().join("tricurve"));
+        let runs: Vec<PathBuf> = runs.into_iter().flatten().flatten().map(|e| e.path()).collect();
+        let names: Vec<String> = runs.iter().map(|r| r.file_name().unwrap().to_string_lossy().into_owned()).collect();
+        let shared = fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|e| e.path());
+        let shared = shared.filter(|p| names.iter().any(|name| p.to_string_lossy().contains(name.as_str())));
+        shared.chain(runs.iter().cloned()).collect()
+    }
+
+    /// A folder with three small textured views, four pixels of disparity apart.
+    pub fn small_scene(&self, name: &str) -> PathBuf {
+        let folder = self.path(name);
+        fs::create_dir_all(&folder).unwrap();
+        for view in 0..3u32 {
+            let mut image = b"P5\n160 120\n255\n".to_vec();
+            for y in 0..120u32 {
+                image.extend((0..160u32).map(|x| texture(x + 4 * view, y)));
+            }
+            fs::write(folder.join(format!("view{view}.pgm")), image).unwrap();
+        }
+        folder
+    }
+}
+
+/// Smooth noise: random values every eight pixels, interpolated.
+fn texture(x: u32, y: u32) -> u8 {
+    let value = |x: u32, y: u32| {
+        let mut hash = x.wrapping_mul(0x9E37_79B9) ^ y.wrapping_mul(0x85EB_CA6B);
+        hash = (hash ^ (hash >> 15)).wrapping_mul(0x2C1B_3C6D);
+        f64::from((hash ^ (hash >> 13)) & 255)
+    };
+    let (cx, cy, fx, fy) = (x / 8, y / 8, f64::from(x % 8) / 8.0, f64::from(y % 8) / 8.0);
+    let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
+    let top = mix(value(cx, cy), value(cx + 1, cy), fx);
+    let bottom = mix(value(cx, cy + 1), value(cx + 1, cy + 1), fx);
+    mix(top, bottom, fy) as u8
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub struct Ran {
+    pub code: Option<i32>,
+    pub out: String,
+    pub err: String,
+}
+
+impl Ran {
+    pub fn new(output: Output) -> Self {
+        Self {
+            code: output.status.code(),
+            out: String::from_utf8(output.stdout).unwrap(),
+            err: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+
+    #[track_caller]
+    pub fn done(self) -> Self {
+        assert_eq!(self.code, Some(0), "{self:?}");
+        self
+    }
+
+    #[track_caller]
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.out).unwrap_or_else(|e| panic!("{e}: {self:?}"))
+    }
+}
+
+/// Waits until something holds; fails when it takes unreasonably long.
+#[track_caller]
+pub fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while !holds() {
+        assert!(Instant::now() < deadline, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Sends a signal to one process.
+pub fn signal(pid: u32, name: &str) {
+    let status = Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+pub fn bytes_of(path: &Path) -> u64 {
+    fs::metadata(path).map_or(0, |meta| meta.len())
+}
