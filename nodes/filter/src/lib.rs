@@ -1,228 +1,187 @@
 //! Laplacian of Gaussian by FFT, zero-crossings, gradients.
 //!
 //! ```text
-//! image ─► spectrum ─┬─► × −|ω|² exp(−σ²|ω|²/2) ─► zero-crossings ─► edges of a channel
-//!       └► smoothed ─┴─► Sobel at the crossings ──────┘
+//!         ┌─► spectrum ─┬─► × −|ω|²·exp(−σ²|ω|²/2) ─► zero-crossings ─┐
+//! image ──┤             └─► × exp(−(σ² − ½)|ω|²/2) ─► Sobel there ────┼─► edges of a channel
+//!         └─► averaged down the column ─► gray levels beside them ────┘
+//! ```
+//!
+//! One view goes in at a time, one channel comes out at a time, so that the first channel is under way while the
+//! next is made. The view is read once and transformed once for all its channels.
+//!
+//! ```
+//! use filter::{Filter, Settings};
+//! use messages::{Edges, ImageView, Owned, Size};
+//!
+//! let size = Size::new(64, 48);
+//! let pixels: Vec<u8> = (0..size.pixels()).map(|i| if i % 64 < 30 { 50 } else { 200 }).collect();
+//! let mut filter = Filter::new(&Settings::default(), size);
+//! let mut edges = Owned::<Edges>::new(size);
+//!
+//! filter.begin(ImageView { pixels: &pixels }, size);
+//! for channel in 0..filter.channels() {
+//!     edges.fill(|room| filter.edges(channel, room));
+//!     assert!(edges.view().edges.iter().all(|edge| (edge.x - 29.5).abs() < 0.01));
+//! }
 //! ```
 
+mod crossings;
+mod gray;
+#[cfg(feature = "node")]
+pub mod node;
+mod picture;
 pub mod settings;
+mod spectrum;
 
-use messages::{Edge, EdgesRoom, ImageView, Size};
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex;
+use messages::{EdgesRoom, ImageView, Size};
 
+pub use crossings::NEARLY_HORIZONTAL;
 pub use settings::{Scaling, Settings};
 
-/// Turns views into zero-crossings, one view at a time, all channels from one transform.
+use crossings::{Crossings, View};
+use gray::Gray;
+use picture::Picture;
+use spectrum::{Kernel, Spectrum};
+
+/// Turns views into zero-crossings, one view at a time, channel by channel.
 pub struct Filter {
-    settings: Settings,
+    scaling: Scaling,
+    floor: f32,
+    /// For each channel the σ² of the Gaussian before Sobel's operator.
+    smoothings: Vec<f32>,
+    /// ∇²G of each channel, then the Gaussian of each that has one.
+    kernels: Vec<Kernel>,
     size: Size,
-    padded: Size,
-    pad: usize,
-    image: Vec<u8>,
-    spectrum: Vec<Complex<f32>>,
-    work: Vec<Complex<f32>>,
-    filtered: Vec<f32>,
-    smoothed: Vec<f32>,
+    gray: Gray,
+    spectrum: Spectrum,
+    filtered: Picture,
+    smoothed: Picture,
+    /// The smoothing that `smoothed` shows of the current view, and what magnitudes there are multiplied by.
+    shown: Option<(f32, f32)>,
+    crossings: Crossings,
 }
 
 impl Filter {
-    /// A filter for images up to `max`.
-    pub fn new(settings: &Settings, _max: Size) -> Self {
+    /// A filter with room for images up to `max`; the first image of a further size costs a plan for it.
+    pub fn new(settings: &Settings, max: Size) -> Self {
+        let smoothing = |&variance: &f32| match settings.smoothing {
+            Some(sigma) => sigma * sigma,
+            None => (variance - SOBEL_VARIANCE).max(0.0),
+        };
+        let smoothings: Vec<f32> = settings.channels.iter().map(smoothing).collect();
+        let gaussians = smoothings
+            .iter()
+            .filter(|&&v| v > 0.0)
+            .map(|&v| Kernel::Gaussian(v));
+        let channels = settings.channels.iter().map(|&v| Kernel::Laplacian(v));
+        let mut kernels: Vec<_> = channels.chain(gaussians).collect();
+        kernels.dedup();
+        let mut pictures = [Picture::default(), Picture::default()];
+        pictures.iter_mut().for_each(|picture| picture.resize(max));
+        let [filtered, smoothed] = pictures;
+        let mut crossings = Crossings::default();
+        crossings.resize(max.width as usize);
         Self {
-            settings: settings.clone(),
+            scaling: settings.scaling,
+            floor: settings.floor,
+            smoothings,
+            spectrum: Spectrum::new(kernels.clone(), max),
+            kernels,
             size: Size::default(),
-            padded: Size::default(),
-            pad: 0,
-            image: Vec::new(),
-            spectrum: Vec::new(),
-            work: Vec::new(),
-            filtered: Vec::new(),
-            smoothed: Vec::new(),
+            gray: Gray::new(max),
+            filtered,
+            smoothed,
+            shown: None,
+            crossings,
         }
     }
 
     /// Number of channels.
     pub fn channels(&self) -> usize {
-        self.settings.channels.len()
+        self.smoothings.len()
     }
 
-    /// Takes the next view: everything its channels share is computed here.
+    /// Takes the next view and makes all that its channels share.
+    ///
+    /// # Panics
+    /// When the image is not of the size it is said to be.
     pub fn begin(&mut self, image: ImageView<'_>, size: Size) {
+        assert_eq!(
+            image.pixels.len(),
+            size.pixels(),
+            "pixels of an image of {size}"
+        );
         self.size = size;
-        let sigma = self
-            .settings
-            .channels
-            .iter()
-            .fold(0f32, |a, &b| a.max(b))
-            .sqrt();
-        self.pad = (5.0 * sigma).ceil() as usize;
-        let even = |n: u32| (n as usize + 2 * self.pad).next_multiple_of(32) as u32;
-        self.padded = Size::new(even(size.width), even(size.height));
-        self.image.clear();
-        self.image.extend_from_slice(image.pixels);
-        self.spectrum.clear();
-        for y in 0..self.padded.height as usize {
-            for x in 0..self.padded.width as usize {
-                let at = |p: usize, n: u32| mirror(p as isize - self.pad as isize, n as isize);
-                let pixel =
-                    image.pixels[at(y, size.height) * size.width as usize + at(x, size.width)];
-                self.spectrum.push(Complex::new(f32::from(pixel), 0.0));
-            }
-        }
-        let mut spectrum = std::mem::take(&mut self.spectrum);
-        transform(&mut spectrum, self.padded, true);
-        self.spectrum = spectrum;
+        self.gray.read(image.pixels, size);
+        self.spectrum.analyse(self.gray.pixels(), size);
+        self.shown = None;
+        self.crossings.resize(size.width as usize);
     }
 
-    /// Appends the zero-crossings of a channel of the view that began, in raster order.
+    /// Appends the edges of a channel of the current view, in raster order and at most one a pixel.
+    ///
+    /// # Panics
+    /// When there is no such channel, or no view has begun.
     pub fn edges(&mut self, channel: usize, room: &mut EdgesRoom<'_>) {
-        let variance = self.settings.channels[channel];
-        let smoothing = self
-            .settings
-            .smoothing
-            .map_or(variance - 0.5, |s| s * s)
-            .max(0.0);
-        self.filtered = self.filter(|w2| -w2 * (-0.5 * variance * w2).exp());
-        self.smoothed = if smoothing > 0.0 {
-            self.filter(|w2| (-0.5 * smoothing * w2).exp())
-        } else {
-            self.image.iter().map(|&p| f32::from(p)).collect()
+        self.filter(channel);
+        let scale = self.smooth(channel);
+        let view = View {
+            filtered: &self.filtered,
+            smoothed: &self.smoothed,
+            gray: &self.gray,
+            scale,
+            floor: self.floor,
         };
-        let (w, h) = (self.size.width as usize, self.size.height as usize);
-        let gradient = |x: usize, y: usize| {
-            let at = |dx: isize, dy: isize| {
-                let x = mirror(x as isize + dx, w as isize);
-                let y = mirror(y as isize + dy, h as isize);
-                self.smoothed[y * w + x]
-            };
-            let gx = at(1, -1) - at(-1, -1) + 2.0 * (at(1, 0) - at(-1, 0)) + at(1, 1) - at(-1, 1);
-            let gy = at(-1, 1) - at(-1, -1) + 2.0 * (at(0, 1) - at(0, -1)) + at(1, 1) - at(1, -1);
-            (gx / 8.0, gy / 8.0)
-        };
-        let scale = match self.settings.scaling {
+        for y in 0..self.size.height as usize {
+            self.crossings.row(&view, y, &mut room.edges);
+        }
+    }
+
+    /// Makes ∇²G of the current view in a channel and shows it row by row, in gray levels per square pixel.
+    ///
+    /// # Panics
+    /// When there is no such channel, or no view has begun.
+    pub fn filtered(&mut self, channel: usize) -> impl Iterator<Item = &[f32]> {
+        self.filter(channel);
+        (0..self.size.height as usize).map(|y| self.filtered.pixels(y))
+    }
+
+    fn filter(&mut self, channel: usize) {
+        self.spectrum.apply(channel, &mut self.filtered);
+        self.filtered.mirror();
+    }
+
+    /// Makes the picture that Sobel's operator is applied to, unless it is there already, and says what magnitudes
+    /// there are multiplied by.
+    fn smooth(&mut self, channel: usize) -> f32 {
+        let variance = self.smoothings[channel];
+        if let Some((shown, scale)) = self.shown
+            && shown == variance
+        {
+            return scale;
+        }
+        match self
+            .kernels
+            .iter()
+            .position(|&k| k == Kernel::Gaussian(variance))
+        {
+            Some(kernel) => self.spectrum.apply(kernel, &mut self.smoothed),
+            None => self.smoothed.show(self.gray.pixels(), self.size),
+        }
+        self.smoothed.mirror();
+        let scale = match self.scaling {
             Scaling::Absolute => 1.0,
             Scaling::Picture => {
-                let all = (0..w * h).map(|i| gradient(i % w, i / w));
-                255.0 / all.map(|(gx, gy)| gx.hypot(gy)).fold(1e-6, f32::max)
+                let largest = self
+                    .crossings
+                    .largest_gradient(&self.smoothed, self.size.height as usize);
+                if largest > 0.0 { 255.0 / largest } else { 1.0 }
             }
         };
-        let f = &self.filtered;
-        for y in 0..h {
-            for x in 0..w {
-                let a = f[y * w + x];
-                let along = (x + 1 < w)
-                    .then(|| f[y * w + x + 1])
-                    .filter(|&b| (a < 0.0) != (b < 0.0));
-                let across = (y + 1 < h)
-                    .then(|| f[y * w + x + w])
-                    .filter(|&b| (a < 0.0) != (b < 0.0));
-                let (dx, dy, b) = match (along, across) {
-                    (None, None) => continue,
-                    (Some(b), None) => (1, 0, b),
-                    (None, Some(b)) => (0, 1, b),
-                    (Some(b), Some(c)) if 4.0 * (b - a).abs() >= (c - a).abs() => (1, 0, b),
-                    (Some(_), Some(c)) => (0, 1, c),
-                };
-                let t = (a / (a - b)).min(0.999);
-                let (ga, gb) = (gradient(x, y), gradient(x + dx, y + dy));
-                let (gx, gy) = (ga.0 + t * (gb.0 - ga.0), ga.1 + t * (gb.1 - ga.1));
-                let magnitude = gx.hypot(gy) * scale;
-                if magnitude <= self.settings.floor {
-                    continue;
-                }
-                let (ex, ey) = (x as f32 + t * dx as f32, y as f32 + t * dy as f32);
-                let row = if dy == 1 && t >= 0.5 { y + 1 } else { y };
-                let sample = |offset: f32| {
-                    let place = (ex + offset).clamp(0.0, (w - 1) as f32);
-                    let left = (place as usize).min(w - 2);
-                    let s = place - left as f32;
-                    let (a, b) = (self.image[row * w + left], self.image[row * w + left + 1]);
-                    (f32::from(a) * (1.0 - s) + f32::from(b) * s + 0.5) as u8
-                };
-                room.edges.push(Edge {
-                    x: ex,
-                    y: ey,
-                    magnitude,
-                    orientation: gy.atan2(gx),
-                    profile: Edge::PROFILE_OFFSETS.map(sample),
-                });
-            }
-        }
-    }
-
-    /// The view with every frequency weighted by a function of |ω|².
-    fn filter(&mut self, weight: impl Fn(f32) -> f32) -> Vec<f32> {
-        let (w, h) = (self.padded.width as usize, self.padded.height as usize);
-        self.work.clear();
-        self.work.extend_from_slice(&self.spectrum);
-        let omega = |k: usize, n: usize| std::f32::consts::TAU * k.min(n - k) as f32 / n as f32;
-        for ky in 0..h {
-            for kx in 0..w {
-                let w2 = omega(kx, w).powi(2) + omega(ky, h).powi(2);
-                self.work[ky * w + kx] *= weight(w2) / (w * h) as f32;
-            }
-        }
-        transform(&mut self.work, self.padded, false);
-        let rows = self
-            .work
-            .chunks(w)
-            .skip(self.pad)
-            .take(self.size.height as usize);
-        rows.flat_map(|row| &row[self.pad..self.pad + self.size.width as usize])
-            .map(|z| z.re)
-            .collect()
+        self.shown = Some((variance, scale));
+        scale
     }
 }
 
-/// The pixel that `p` shows in a mirror that stands on the outer edges of the pixels 0 and `n` − 1.
-fn mirror(p: isize, n: isize) -> usize {
-    let p = p.rem_euclid(2 * n);
-    p.min(2 * n - 1 - p) as usize
-}
-
-fn transform(data: &mut [Complex<f32>], size: Size, forward: bool) {
-    let (w, h) = (size.width as usize, size.height as usize);
-    let mut planner = FftPlanner::new();
-    let mut plan = |n| {
-        if forward {
-            planner.plan_fft_forward(n)
-        } else {
-            planner.plan_fft_inverse(n)
-        }
-    };
-    plan(w).process(data);
-    let columns = plan(h);
-    let mut transposed: Vec<_> = (0..w * h).map(|i| data[i % h * w + i / h]).collect();
-    columns.process(&mut transposed);
-    for (i, value) in transposed.into_iter().enumerate() {
-        data[i % h * w + i / h] = value;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use messages::{Edges, Owned};
-
-    #[test]
-    fn a_vertical_step_is_found_where_it_is() {
-        let size = Size::new(64, 48);
-        let pixels: Vec<u8> = (0..size.pixels())
-            .map(|i| if i % 64 < 30 { 50 } else { 200 })
-            .collect();
-        let mut filter = Filter::new(&Settings::default(), size);
-        filter.begin(ImageView { pixels: &pixels }, size);
-        for channel in 0..3 {
-            let mut edges = Owned::<Edges>::new(size);
-            edges.fill(|room| filter.edges(channel, room));
-            assert_eq!(edges.view().edges.len(), 48);
-            for edge in edges.view().edges {
-                assert!(
-                    (edge.x - 29.5).abs() < 1e-3 && edge.orientation.abs() < 1e-3,
-                    "{edge:?}"
-                );
-            }
-        }
-    }
-}
+/// The variance by which Sobel's operator itself smooths: that of its weights ¼ ½ ¼, in square pixels.
+const SOBEL_VARIANCE: f32 = 0.5;
