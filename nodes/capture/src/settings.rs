@@ -59,3 +59,35 @@ impl Settings {
             .saturating_add(rest.round() as u64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use messages::settings::Settings as _;
+
+    #[test]
+    fn defaults_and_the_thesis_are_in_range() {
+        assert_eq!(Settings::default().check(), Ok(()));
+        assert_eq!(Settings::thesis().check(), Ok(()));
+    }
+
+    #[test]
+    fn scans_are_dated_by_the_rate_without_drift() {
+        let settings = Settings {
+            rate: 30.0,
+            ..Settings::default()
+        };
+        assert_eq!(settings.nanos(1_000, 0), 1_000);
+        assert_eq!(settings.nanos(1_000, 1), 33_333_333 + 1_000);
+        // After a year at 30 Hz it is still a year.
+        assert_eq!(
+            settings.nanos(7, 365 * 86_400 * 30),
+            365 * 86_400 * 1_000_000_000 + 7
+        );
+        let slow = Settings {
+            rate: 0.5,
+            ..Settings::default()
+        };
+        assert_eq!(slow.nanos(0, 3), 6_000_000_000);
+    }
+}

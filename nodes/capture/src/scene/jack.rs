@@ -12,7 +12,7 @@ const BALL: f32 = 11.0;
 
 /// A bar along z with balls on both ends; they meet the bar in a fillet.
 fn balls() -> Part {
-    Part::default().turned(64, 160, |v| {
+    Part::default().turned(64, 96, |v| {
         // Denser towards the ends, where the profile is round.
         let height = -(v * std::f32::consts::PI).cos() * (REACH + BALL);
         let from = height.abs() - REACH;
@@ -24,7 +24,7 @@ fn balls() -> Part {
 
 /// A bar along z that ends in blunt points.
 fn points() -> Part {
-    Part::default().turned(64, 160, |v| {
+    Part::default().turned(64, 96, |v| {
         let height = -(v * std::f32::consts::PI).cos() * (REACH + BALL);
         let from = height.abs() / (REACH + BALL);
         Vec2::new(
@@ -62,8 +62,8 @@ fn jack(at: [f32; 2], turn: f32) -> [(Part, Pose); 2] {
 pub(crate) fn scene() -> Scene {
     let mut scene = Scene::new(Camera::above(285.0, 46.0), paint::terrazzo);
     for (part, pose) in jack([-22.0, -12.0], 0.35) {
-        scene = scene.with(part, &pose, paint::cast);
+        scene = scene.with(part, pose, paint::cast);
     }
     let ball = Pose::new(Vec3::new(62.0, 34.0, 23.0), Vec3::new(0.5, 0.3, 0.0));
-    scene.with(Part::ball(23.0), &ball, paint::rubber).lit()
+    scene.with(Part::ball(23.0), ball, paint::rubber).lit()
 }

@@ -74,6 +74,7 @@ struct Hit {
     place: Vec3,
     /// 0 is the table.
     surface: u32,
+    paint: Paint,
 }
 
 /// Light on the table: what reaches it past the solids, on a square grid.
@@ -161,17 +162,25 @@ impl Light {
     }
 }
 
+/// A part in its place. Rays are cast in the part's own coordinates, along whose axes its facets' boxes are tight.
+#[derive(Debug)]
+struct Solid {
+    part: Part,
+    pose: Pose,
+    mesh: TriMesh,
+    paint: Paint,
+    /// Number of its first patch among the surfaces of the scene.
+    first_surface: u32,
+}
+
 /// Solids on a table, lit.
 #[derive(Debug)]
 pub(crate) struct Scene {
     camera: Camera,
-    corners: Vec<Corner>,
-    triangles: Vec<[u32; 3]>,
-    /// Surface of each triangle.
-    surfaces: Vec<u32>,
-    /// Paint of each surface; the first is the table's.
-    paints: Vec<Paint>,
-    mesh: Option<TriMesh>,
+    table: Paint,
+    solids: Vec<Solid>,
+    /// Surfaces so far; the first is the table.
+    surfaces: u32,
     light: Light,
 }
 
@@ -182,39 +191,39 @@ impl Scene {
     pub(crate) fn new(camera: Camera, table: Paint) -> Self {
         Self {
             camera,
-            corners: Vec::new(),
-            triangles: Vec::new(),
-            surfaces: Vec::new(),
-            paints: vec![table],
-            mesh: None,
+            table,
+            solids: Vec::new(),
+            surfaces: 1,
             light: Light::default(),
         }
     }
 
-    pub(crate) fn with(mut self, part: Part, pose: &Pose, paint: Paint) -> Self {
-        let part = part.placed(pose);
-        let (first, surface) = (self.corners.len() as u32, self.paints.len() as u32);
-        self.corners.extend(part.corners);
-        for (corners, patch) in part.triangles {
-            self.triangles.push(corners.map(|c| c + first));
-            self.surfaces.push(surface + patch);
+    pub(crate) fn with(mut self, part: Part, pose: Pose, paint: Paint) -> Self {
+        let places = part.corners.iter().map(|corner| corner.position).collect();
+        let facets = part.triangles.iter().map(|(corners, _)| *corners).collect();
+        let first_surface = self.surfaces;
+        self.surfaces += part.patches;
+        // A part without facets has no mesh, and nothing to be seen of it.
+        if let Ok(mesh) = TriMesh::new(places, facets) {
+            self.solids.push(Solid {
+                part,
+                pose,
+                mesh,
+                paint,
+                first_surface,
+            });
         }
-        self.paints.extend((0..part.patches).map(|_| paint));
         self
     }
 
     /// Closes the scene and works out the shadows on the table.
     pub(crate) fn lit(mut self) -> Self {
-        let places = self.corners.iter().map(|c| c.position).collect();
-        self.mesh = TriMesh::new(places, self.triangles.clone()).ok();
         let lamp = directions(20, 0.10, Self::LAMP.normalize());
         let sky = directions(16, 0.95, Vec3::Z);
         let free = |point: Vec3, all: &[Vec3]| {
-            let free = all
-                .iter()
-                .filter(|&&d| !self.is_hidden(&Ray::new(point, d), f32::MAX))
-                .count();
-            free as f32 / all.len() as f32
+            let is_free =
+                |&&direction: &&Vec3| !self.is_hidden(&Ray::new(point, direction), f32::MAX);
+            all.iter().filter(is_free).count() as f32 / all.len() as f32
         };
         let shares = Light::places().map(|point| {
             // Under a solid there is no table to be seen.
@@ -226,33 +235,44 @@ impl Scene {
 
     /// Whether a place lies inside a solid: straight up, its surface is then met from within.
     fn is_inside(&self, point: Vec3) -> bool {
-        let above = self.first_triangle(&Ray::new(point, Vec3::Z), f32::MAX);
-        above.is_some_and(|(triangle, _)| {
-            let corners = self.triangles[triangle].map(|corner| self.corners[corner as usize]);
-            corners.iter().map(|corner| corner.normal.z).sum::<f32>() > 0.0
+        let above = self.first_facet(&Ray::new(point, Vec3::Z), f32::MAX);
+        above.is_some_and(|(solid, facet, _)| {
+            let corners = solid.part.triangles[facet]
+                .0
+                .map(|corner| solid.part.corners[corner as usize]);
+            let normal: Vec3 = corners.iter().map(|corner| corner.normal).sum();
+            solid.pose.transform_vector(normal).z > 0.0
         })
     }
 
-    /// The first triangle on the ray before `until`, and where.
-    fn first_triangle(&self, ray: &Ray, until: f32) -> Option<(usize, f32)> {
-        let mesh = self.mesh.as_ref()?;
-        let hit = mesh.bvh().cast_ray(ray, until, |triangle, until| {
-            mesh.triangle(triangle).cast_local_ray(ray, until, false)
-        });
-        hit.filter(|(_, depth)| *depth < until)
-            .map(|(triangle, depth)| (triangle as usize, depth))
+    /// The first facet on the ray before `until`, and where.
+    fn first_facet(&self, ray: &Ray, until: f32) -> Option<(&Solid, usize, f32)> {
+        let mut first = None;
+        let mut until = until;
+        for solid in &self.solids {
+            let (mesh, ray) = (&solid.mesh, ray.inverse_transform_by(&solid.pose));
+            let hit = mesh.bvh().cast_ray(&ray, until, |facet, until| {
+                mesh.triangle(facet).cast_local_ray(&ray, until, false)
+            });
+            if let Some((facet, depth)) = hit.filter(|(_, depth)| *depth < until) {
+                until = depth;
+                first = Some((solid, facet as usize, depth));
+            }
+        }
+        first
     }
 
     /// Whether a solid lies on the ray before `until`.
     fn is_hidden(&self, ray: &Ray, until: f32) -> bool {
-        self.mesh.as_ref().is_some_and(|mesh| {
+        self.solids.iter().any(|Solid { mesh, pose, .. }| {
+            let ray = ray.inverse_transform_by(pose);
             // Any hit will do: with a cost of nothing it ends the search.
-            let any = |triangle, _| {
-                mesh.triangle(triangle)
-                    .cast_local_ray(ray, until, false)
+            let any = |facet, _| {
+                mesh.triangle(facet)
+                    .cast_local_ray(&ray, until, false)
                     .map(|_| 0.0)
             };
-            mesh.bvh().cast_ray(ray, until, any).is_some()
+            mesh.bvh().cast_ray(&ray, until, any).is_some()
         })
     }
 
@@ -261,14 +281,16 @@ impl Scene {
         // Every camera looks down, so every ray meets the table.
         let table = -ray.origin.z / ray.dir.z;
         let first = if solids {
-            self.first_triangle(ray, table)
+            self.first_facet(ray, table)
         } else {
             None
         };
-        let solid = first.and_then(|(triangle, depth)| {
-            let corners = self.triangles[triangle].map(|c| self.corners[c as usize]);
-            let [a, b, c] = corners.map(|c| c.position);
-            let (_, weights) = local_ray_intersection_with_triangle(a, b, c, ray)?;
+        let solid = first.and_then(|(solid, facet, depth)| {
+            let (corners, patch) = solid.part.triangles[facet];
+            let corners = corners.map(|corner| solid.part.corners[corner as usize]);
+            let [a, b, c] = corners.map(|corner| corner.position);
+            let local = ray.inverse_transform_by(&solid.pose);
+            let (_, weights) = local_ray_intersection_with_triangle(a, b, c, &local)?;
             let mixed = |of: fn(&Corner) -> Vec3| {
                 of(&corners[0]) * weights.x
                     + of(&corners[1]) * weights.y
@@ -277,9 +299,13 @@ impl Scene {
             Some(Hit {
                 depth,
                 point: ray.point_at(depth),
-                normal: mixed(|c| c.normal).normalize_or(Vec3::Z),
+                normal: solid
+                    .pose
+                    .transform_vector(mixed(|c| c.normal))
+                    .normalize_or(Vec3::Z),
                 place: mixed(|c| c.place),
-                surface: self.surfaces[triangle],
+                surface: solid.first_surface + patch,
+                paint: solid.paint,
             })
         });
         solid.unwrap_or_else(|| {
@@ -290,6 +316,7 @@ impl Scene {
                 normal: Vec3::Z,
                 place: point,
                 surface: 0,
+                paint: self.table,
             }
         })
     }
@@ -300,8 +327,7 @@ impl Scene {
         let lamp = Self::LAMP.normalize();
         let towards = (self.camera.middle - hit.point).normalize();
         let detail = FOCAL / hit.depth * hit.normal.dot(towards).max(0.15);
-        let paint = self.paints[hit.surface as usize];
-        let Finish { albedo, sheen } = paint(hit.place, detail);
+        let Finish { albedo, sheen } = (hit.paint)(hit.place, detail);
         let facing = hit.normal.dot(lamp).max(0.0);
         let [direct, sky] = if hit.surface == 0 {
             self.light.at(hit.point)
@@ -327,14 +353,16 @@ impl Scene {
         let mut cover = Cover {
             tiles: vec![false; Cover::COLUMNS * Cover::ROWS],
         };
-        let seen: Vec<Vec2> = self
-            .corners
-            .iter()
-            .map(|c| self.camera.project(position, c.position))
-            .collect();
-        for triangle in &self.triangles {
-            let [a, b, c] = triangle.map(|corner| seen[corner as usize]);
-            cover.mark(a.min(b).min(c), a.max(b).max(c));
+        for Solid { part, pose, .. } in &self.solids {
+            let project = |corner: &Corner| {
+                self.camera
+                    .project(position, pose.transform_point(corner.position))
+            };
+            let seen: Vec<Vec2> = part.corners.iter().map(project).collect();
+            for (corners, _) in &part.triangles {
+                let [a, b, c] = corners.map(|corner| seen[corner as usize]);
+                cover.mark(a.min(b).min(c), a.max(b).max(c));
+            }
         }
         cover
     }
@@ -353,20 +381,14 @@ impl Scene {
                 lit,
             }
         };
-        let centres: Vec<Look> = (0..SIZE.pixels())
-            .map(|i| look((i % width) as f32, (i / width) as f32))
-            .collect();
-        let pixel = |i: usize| {
-            let (x, y) = (i % width, i / width);
-            let own = &centres[i];
-            let (columns, rows) = (
-                x.saturating_sub(1)..=(x + 1).min(width - 1),
-                y.saturating_sub(1)..=(y + 1).min(height - 1),
-            );
-            let is_plain = rows.into_iter().all(|row| {
-                centres[row * width + columns.start()..=row * width + columns.end()]
-                    .iter()
-                    .all(|near| own.is_like(near))
+        let centres = in_bands(|x, y| look(x as f32, y as f32));
+        in_bands(|x, y| {
+            let own = &centres[y * width + x];
+            let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
+            let mut rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
+            let is_plain = rows.all(|row| {
+                let near = &centres[row * width + left..=row * width + right];
+                near.iter().all(|near| own.is_like(near))
             });
             let gray = if is_plain {
                 own.gray
@@ -377,47 +399,60 @@ impl Scene {
                 samples.sum::<f32>() / SAMPLES.len() as f32
             };
             (gray.clamp(0.0, 255.0) * 256.0).round() as u16
-        };
-        (0..SIZE.pixels()).map(pixel).collect()
+        })
     }
 
     /// The truth of view `view` of these positions: for the points that the middles of its pixels see, the disparity
     /// to the next view, and whether no solid hides them from the others.
     pub(crate) fn truth(&self, positions: &[f32], view: usize) -> Truth {
-        let (width, height) = (SIZE.width as f32, SIZE.height as f32);
+        let width = SIZE.width as f32;
         let cover = self.cover(positions[view]);
         let base = FOCAL * STEP * (positions[1] - positions[0]);
-        let mut truth = Truth {
-            size: SIZE,
-            disparity: Vec::new(),
-            visible: Vec::new(),
-        };
-        for i in 0..SIZE.pixels() {
-            let (x, y) = (
-                (i % SIZE.width as usize) as f32,
-                (i / SIZE.width as usize) as f32,
-            );
-            let Hit { depth, point, .. } =
-                self.hit(&self.camera.ray(positions[view], x, y), cover.at(x, y));
+        let seen = in_bands(|x, y| {
+            let (x, y) = (x as f32, y as f32);
+            let ray = self.camera.ray(positions[view], x, y);
+            let Hit { depth, point, .. } = self.hit(&ray, cover.at(x, y));
             let sees = |&position: &f32| {
                 let there = self.camera.project(position, point);
                 let eye = self.camera.eye(position);
-                let is_inside = there.x > -0.5 && there.x < width - 0.5 && there.y < height;
+                let is_inside = there.x > -0.5 && there.x < width - 0.5;
                 // Up to a little before the point itself.
-                is_inside
-                    && !self.is_hidden(&Ray::new(eye, (point - eye) / depth), depth * (1.0 - 3e-4))
+                let towards = Ray::new(eye, (point - eye) / depth);
+                is_inside && !self.is_hidden(&towards, depth * (1.0 - 3e-4))
             };
             let others = positions
                 .iter()
                 .enumerate()
                 .filter(|(other, _)| *other != view);
-            truth.disparity.push(base / depth);
-            truth
-                .visible
-                .push(others.map(|(_, position)| position).all(sees));
+            (base / depth, others.map(|(_, position)| position).all(sees))
+        });
+        let (disparity, visible) = seen.into_iter().unzip();
+        Truth {
+            size: SIZE,
+            disparity,
+            visible,
         }
-        truth
     }
+}
+
+/// Makes a picture of anything, pixel by pixel, in bands that the machine's cores share.
+fn in_bands<T: Send>(make: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
+    const BANDS: usize = 8;
+    let (width, height) = (SIZE.width as usize, SIZE.height as usize);
+    let band = |band: usize| {
+        let rows = height * band / BANDS..height * (band + 1) / BANDS;
+        let pixels = rows.flat_map(|y| (0..width).map(move |x| (x, y)));
+        pixels.map(|(x, y)| make(x, y)).collect::<Vec<T>>()
+    };
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..BANDS).map(|n| scope.spawn(move || band(n))).collect();
+        let joined = |worker: std::thread::ScopedJoinHandle<'_, Vec<T>>| {
+            worker
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        workers.into_iter().flat_map(joined).collect()
+    })
 }
 
 /// The tiles of a picture that a solid may be in: most of it shows the table, and need not be searched.

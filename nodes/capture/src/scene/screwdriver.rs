@@ -28,7 +28,7 @@ fn handle() -> Part {
         2.4 * window * (0.5 - 0.5 * (u * 8.0 * TAU).cos()).powi(3)
     };
     Part::default()
-        .curved(192, 96, |u, v| {
+        .curved(160, 64, |u, v| {
             let height = v * HANDLE;
             let (sin, cos) = (u * TAU).sin_cos();
             let reach = radius(height) - flute(u, height);
@@ -62,7 +62,7 @@ fn steel() -> Part {
                 [3.6, HANDLE + 17.0],
             ],
         )
-        .turned_sharp(64, &[[3.6, HANDLE + 17.0], [3.6, start]])
+        .turned_sharp(48, &[[3.6, HANDLE + 17.0], [3.6, start]])
         .curved(64, 24, ring)
         .patch(64, 1, |u, v| {
             let rim = ring(u, 1.0);
@@ -101,9 +101,9 @@ pub(crate) fn scene() -> Scene {
     let resting = Vec3::new(36.0, 34.0, 0.0);
     let outline_turn = Vec3::Z * (heading + 0.25);
     Scene::new(Camera::above(320.0, 44.0), paint::drawing)
-        .with(handle(), &driver, paint::handle)
-        .with(steel(), &driver, paint::turned)
-        .with(block, &Pose::new(resting, outline_turn), paint::block)
-        .with(screw(), &Pose::translation(52.0, -52.0, 0.0), paint::black)
+        .with(handle(), driver, paint::handle)
+        .with(steel(), driver, paint::turned)
+        .with(block, Pose::new(resting, outline_turn), paint::block)
+        .with(screw(), Pose::translation(52.0, -52.0, 0.0), paint::black)
         .lit()
 }

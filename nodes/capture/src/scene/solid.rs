@@ -90,7 +90,10 @@ impl Part {
     pub(crate) fn turned_sharp(self, facets: u32, line: &[[f32; 2]]) -> Self {
         line.windows(2).fold(self, |part, ends| {
             let [a, b] = [Vec2::from(ends[0]), Vec2::from(ends[1])];
-            part.turned(facets, 1, |v| a.lerp(b, v))
+            let width = TAU * a.x.max(b.x) / facets as f32;
+            // Long thin facets would have large boxes, slow to search.
+            let steps = (a.distance(b) / (6.0 * width)).ceil().max(1.0);
+            part.turned(facets, steps as u32, |v| a.lerp(b, v))
         })
     }
 
@@ -113,9 +116,9 @@ impl Part {
             ring[index].extend(z)
         };
         for (z, normal) in [(0.0, Vec3::NEG_Z), (thickness, Vec3::Z)] {
-            self = self.patch(steps, 1, |u, v| {
-                let ring = if v < 0.5 { outline } else { &inner };
-                (at(ring, u, z), normal)
+            // Several rings: long thin facets would have large boxes, slow to search.
+            self = self.patch(steps, 4, |u, v| {
+                (at(outline, u, z).lerp(at(&inner, u, z), v), normal)
             });
         }
         self = self.wall(outline, thickness, 1.0);

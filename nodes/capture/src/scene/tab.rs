@@ -71,13 +71,13 @@ pub(crate) fn scene() -> Scene {
     Scene::new(Camera::above(290.0, 40.0), paint::bench)
         .with(
             sheet(),
-            &Pose::new(Vec3::new(-4.0, -12.0, 0.0), Vec3::Z * -0.42),
+            Pose::new(Vec3::new(-4.0, -12.0, 0.0), Vec3::Z * -0.42),
             paint::brushed,
         )
-        .with(washer, &Pose::translation(62.0, -38.0, 0.0), paint::turned)
+        .with(washer, Pose::translation(62.0, -38.0, 0.0), paint::turned)
         .with(
             nut,
-            &Pose::new(Vec3::new(-74.0, 10.0, 0.0), Vec3::Z * 0.3),
+            Pose::new(Vec3::new(-74.0, 10.0, 0.0), Vec3::Z * 0.3),
             paint::black,
         )
         .lit()

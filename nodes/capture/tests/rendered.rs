@@ -1,0 +1,330 @@
+//! What the rendered scenes promise: exact truth, views that agree, the same bytes every time.
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+use capture::{Settings, Source, Truth};
+use messages::{Image, Owned, Size};
+
+const OBJECTS: [&str; 3] = ["scene:tab", "scene:jack", "scene:screwdriver"];
+
+fn open(source: &str, change: impl FnOnce(&mut Settings)) -> Source {
+    let mut settings = Settings {
+        source: source.to_owned(),
+        ..Settings::default()
+    };
+    change(&mut settings);
+    Source::open(&settings).unwrap()
+}
+
+fn clean(source: &str) -> Source {
+    open(source, |settings| settings.noise = 0.0)
+}
+
+fn read(source: &mut Source, scan: u64, view: usize) -> Vec<u8> {
+    let mut image = Owned::<Image>::new(source.size());
+    image.fill(|room| source.read(scan, view, room)).unwrap();
+    image.view().pixels.to_vec()
+}
+
+fn truth(source: &Source, view: usize) -> Truth {
+    source.truth(0, view).unwrap().unwrap()
+}
+
+/// Whether the true disparity is steady around a pixel.
+fn is_away_from_steps(truth: &Truth, x: usize, y: usize) -> bool {
+    let width = truth.size.width as usize;
+    let at = |x: usize, y: usize| truth.disparity[y * width + x];
+    let near = (x - 2..=x + 2).flat_map(|i| (y - 2..=y + 2).map(move |j| (i, j)));
+    near.map(|(i, j)| (at(i, j) - at(x, y)).abs())
+        .all(|step| step < 0.5)
+}
+
+/// The median and the 95th percentile of the gray levels by which what is seen in `from` differs from what is seen
+/// `disparity + error` further left in `to`.
+fn difference(from: &[u8], to: &[u8], truth: &Truth, error: f32) -> (f32, f32) {
+    let (width, height) = (truth.size.width as usize, truth.size.height as usize);
+    let mut differences = Vec::new();
+    for y in 2..height - 2 {
+        for x in 2..width - 2 {
+            let i = y * width + x;
+            let there = x as f32 - truth.disparity[i] - error;
+            if truth.visible[i]
+                && is_away_from_steps(truth, x, y)
+                && there > 0.0
+                && there < (width - 1) as f32
+            {
+                let row = &to[y * width..];
+                let [a, b] = [0, 1].map(|k| f32::from(row[there as usize + k]));
+                differences.push((f32::from(from[i]) - a - (b - a) * there.fract()).abs());
+            }
+        }
+    }
+    differences.sort_by(f32::total_cmp);
+    (
+        differences[differences.len() / 2],
+        differences[differences.len() * 95 / 100],
+    )
+}
+
+#[test]
+fn every_surface_point_is_found_at_its_true_disparity_in_the_next_view() {
+    for object in OBJECTS {
+        let mut source = clean(object);
+        let pictures: Vec<Vec<u8>> = (0..3).map(|view| read(&mut source, 0, view)).collect();
+        for view in 0..2 {
+            let truth = truth(&source, view);
+            let (median, most) = difference(&pictures[view], &pictures[view + 1], &truth, 0.0);
+            assert!(
+                median < 1.5 && most < 8.0,
+                "{object} view {view}: {median}, {most}"
+            );
+            // The comparison is worth something: half a pixel off it fails.
+            let (wrong, _) = difference(&pictures[view], &pictures[view + 1], &truth, 0.5);
+            assert!(
+                wrong > 1.3 * median,
+                "{object} view {view}: {wrong} against {median}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_point_counts_as_visible_when_every_other_view_shows_its_disparity_there() {
+    for object in OBJECTS {
+        let source = clean(object);
+        let truths: Vec<Truth> = (0..3).map(|view| truth(&source, view)).collect();
+        for (view, own) in truths.iter().enumerate() {
+            let width = own.size.width as usize;
+            let is_shown = |i: usize| {
+                let (row, x) = (i / width * width, (i % width) as f32);
+                truths
+                    .iter()
+                    .enumerate()
+                    .filter(|(other, _)| *other != view)
+                    .all(|(other, there)| {
+                        let column = x - (other as f32 - view as f32) * own.disparity[i];
+                        let row = &there.disparity[row..row + width];
+                        let near =
+                            [column.floor(), column.ceil()].map(|column| row.get(column as usize));
+                        column > -0.5
+                            && column < width as f32 - 0.5
+                            && near
+                                .iter()
+                                .flatten()
+                                .any(|&&shown| (shown - own.disparity[i]).abs() < 0.5)
+                    })
+            };
+            let agree = (0..own.visible.len())
+                .filter(|&i| own.visible[i] == is_shown(i))
+                .count();
+            let share = agree as f64 / own.visible.len() as f64;
+            assert!(share > 0.997, "{object} view {view}: {share}");
+            let hidden = own.visible.iter().filter(|visible| !**visible).count() as f64;
+            assert!(
+                (0.03..0.25).contains(&(hidden / own.visible.len() as f64)),
+                "{object} view {view}: {hidden}"
+            );
+        }
+    }
+}
+
+#[test]
+fn disparities_span_a_good_range_and_nothing_is_saturated() {
+    for object in OBJECTS {
+        let mut source = open(object, |_| ());
+        let disparity = truth(&source, 1).disparity;
+        let least = disparity.iter().copied().fold(f32::MAX, f32::min);
+        let most = disparity.iter().copied().fold(f32::MIN, f32::max);
+        assert!(
+            least > 8.0 && most < 40.0 && most > 1.8 * least,
+            "{object}: {least} to {most}"
+        );
+        let picture = read(&mut source, 0, 1);
+        let saturated = picture
+            .iter()
+            .filter(|gray| matches!(gray, 0 | 255))
+            .count();
+        assert!(saturated < picture.len() / 1000, "{object}: {saturated}");
+        let dark = picture.iter().filter(|&&gray| gray < 60).count();
+        let bright = picture.iter().filter(|&&gray| gray > 150).count();
+        assert!(
+            dark.min(bright) > picture.len() / 100,
+            "{object}: {dark} dark, {bright} bright"
+        );
+    }
+}
+
+#[test]
+fn the_same_scan_and_view_gives_the_same_bytes_in_any_order_and_process() {
+    let mut source = open("scene:tab", |_| ());
+    let first = read(&mut source, 7, 1);
+    read(&mut source, 2, 0);
+    assert_eq!(read(&mut source, 7, 1), first);
+    assert_eq!(read(&mut open("scene:tab", |_| ()), 7, 1), first);
+    assert_ne!(
+        read(&mut open("scene:tab", |settings| settings.seed = 2), 7, 1),
+        first
+    );
+}
+
+#[test]
+fn scans_of_one_scene_differ_by_noise_alone() {
+    let mut source = open("scene:all", |_| ());
+    let (first, second) = (read(&mut source, 1, 2), read(&mut source, 4, 2));
+    assert_eq!((source.name(1), source.name(4)), ("jack", "jack"));
+    let differences: Vec<f64> = first
+        .iter()
+        .zip(&second)
+        .map(|(&a, &b)| f64::from(a) - f64::from(b))
+        .collect();
+    let count = differences.len() as f64;
+    let mean = differences.iter().sum::<f64>() / count;
+    let variance = differences.iter().map(|d| d * d).sum::<f64>() / count;
+    assert!(mean.abs() < 0.02, "{mean}");
+    // Twice the noise's variance, and twice that of rounding.
+    assert!((variance - 2.0 - 2.0 / 12.0).abs() < 0.1, "{variance}");
+    assert!(differences.iter().all(|difference| difference.abs() < 12.0));
+}
+
+#[test]
+fn twice_the_step_is_twice_the_disparity() {
+    let mut narrow = open("scene:screwdriver", |_| ());
+    let mut wide = open("scene:screwdriver", |settings| {
+        settings.views = vec![0, 2, 4]
+    });
+    let doubled: Vec<f32> = truth(&narrow, 0)
+        .disparity
+        .iter()
+        .map(|d| 2.0 * d)
+        .collect();
+    assert_eq!(truth(&wide, 0).disparity, doubled);
+    assert_eq!(
+        read(&mut narrow, 3, 2),
+        read(&mut wide, 3, 1),
+        "position 2 looks the same in both"
+    );
+    let baseline = |source: &Source| source.calibration().unwrap().baseline_m;
+    assert!((baseline(&wide) - 2.0 * baseline(&narrow)).abs() < 1e-12);
+}
+
+#[test]
+fn a_rendered_scene_knows_its_camera_and_its_depths() {
+    let source = clean("scene:tab");
+    let camera = source.calibration().unwrap();
+    assert!(camera.calibrated);
+    assert!(source.warnings().is_empty());
+    // The table is a plane in space: three of its points tell where the others are.
+    let truth = truth(&source, 1);
+    let point = |x: usize, y: usize| {
+        let disparity = truth.disparity[y * truth.size.width as usize + x];
+        camera.point_m(x as f64, y as f64, disparity.into())
+    };
+    let minus = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let [a, b, c, d] = [
+        point(20, 400),
+        point(490, 420),
+        point(480, 100),
+        point(30, 150),
+    ];
+    let [u, v, w] = [minus(b, a), minus(c, a), minus(d, a)];
+    let normal = [
+        u[1] * v[2] - u[2] * v[1],
+        u[2] * v[0] - u[0] * v[2],
+        u[0] * v[1] - u[1] * v[0],
+    ];
+    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+    let away = (normal[0] * w[0] + normal[1] * w[1] + normal[2] * w[2]) / length;
+    assert!(away.abs() < 1e-6, "{away} m");
+}
+
+#[test]
+fn the_default_source_shows_the_three_objects_in_turn() {
+    let source = Source::open(&Settings::default()).unwrap();
+    assert_eq!(source.scans(), 30);
+    assert_eq!(source.size(), Size::new(512, 480));
+    let names: Vec<&str> = (0..4).map(|scan| source.name(scan)).collect();
+    assert_eq!(names, ["tab", "jack", "screwdriver", "tab"]);
+    let places: Vec<(String, f64)> = source
+        .views(0)
+        .into_iter()
+        .map(|view| (view.name, view.position_steps))
+        .collect();
+    assert_eq!(
+        places,
+        [
+            ("position 0".into(), 0.0),
+            ("position 1".into(), 1.0),
+            ("position 2".into(), 2.0)
+        ]
+    );
+    assert_eq!(source.view_count(), 3);
+    assert!(source.notices().is_empty());
+}
+
+#[test]
+fn views_beyond_three_and_any_number_of_scans_can_be_asked_for() {
+    let source = open("scene:jack", |settings| {
+        settings.views = vec![0, 1, 2, 3, 4];
+        settings.scans = Some(2000);
+    });
+    assert_eq!((source.view_count(), source.scans()), (5, 2000));
+}
+
+#[test]
+fn an_unknown_scene_is_refused_with_the_nearest_known_one() {
+    let sentence = |source: &str| {
+        let settings = Settings {
+            source: source.to_owned(),
+            ..Settings::default()
+        };
+        Source::open(&settings).unwrap_err().to_string()
+    };
+    assert_eq!(
+        sentence("scene:jak"),
+        "there is no rendered scene \"jak\", did you mean scene:jack?; known are all, tab, jack and screwdriver"
+    );
+    assert_eq!(
+        sentence("scene:"),
+        "there is no rendered scene \"\"; known are all, tab, jack and screwdriver"
+    );
+}
+
+#[test]
+fn views_that_make_no_triple_are_refused() {
+    let sentence = |views: &[u32]| {
+        let settings = Settings {
+            source: "scene:tab".to_owned(),
+            views: views.to_vec(),
+            ..Settings::default()
+        };
+        Source::open(&settings).unwrap_err().to_string()
+    };
+    assert_eq!(
+        sentence(&[0, 2, 5]),
+        "there is no view 5 in scene:tab, whose views are 0 to 4"
+    );
+    assert_eq!(sentence(&[0, 1]), "views chooses 2 of at least three: 0,1");
+    assert_eq!(
+        sentence(&[2, 1, 0]),
+        "views must go from left to right, each at most once, not 2,1,0"
+    );
+    assert_eq!(
+        sentence(&[0, 1, 1]),
+        "views must go from left to right, each at most once, not 0,1,1"
+    );
+    assert_eq!(
+        sentence(&[0, 1, 3]),
+        "views 0,1,3 of scene:tab stand 0,1,3 steps along the rail, and their distances must be equal; choose others"
+    );
+}
+
+#[test]
+fn a_setting_out_of_range_is_refused() {
+    let settings = Settings {
+        noise: -1.0,
+        ..Settings::default()
+    };
+    assert_eq!(
+        Source::open(&settings).unwrap_err().to_string(),
+        "noise must lie between 0 and 32, not -1"
+    );
+}
