@@ -1,6 +1,7 @@
 //! One source of scans, whatever it is made of.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 
 use messages::settings::{self, Settings as _};
@@ -19,7 +20,6 @@ use crate::truth::Truth;
 const RENDERED_SCANS: u64 = 30;
 
 /// Where scans come from: opened once, read at any scan.
-#[derive(Debug)]
 pub struct Source {
     kind: Kind,
     scans: u64,
@@ -28,7 +28,6 @@ pub struct Source {
     warnings: Vec<String>,
 }
 
-#[derive(Debug)]
 enum Kind {
     Rendered {
         scenes: Vec<Rendered>,
@@ -241,6 +240,16 @@ impl Source {
     }
 }
 
+impl fmt::Debug for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Source")
+            .field("scans", &self.scans)
+            .field("size", &self.size())
+            .field("calibration", &self.calibration)
+            .finish_non_exhaustive()
+    }
+}
+
 /// Which of the source's scenes a scan shows: they take turns.
 fn turn<T>(scan: u64, scenes: &[T]) -> usize {
     (scan % scenes.len() as u64) as usize
@@ -367,7 +376,7 @@ fn filed_truth(album: &Album, view: usize) -> Result<Option<Truth>, SourceError>
 }
 
 /// Decoded images, so that reading one again costs a copy; those unused for longest make room for others.
-#[derive(Debug, Default)]
+#[derive(Default)]
 struct Kept {
     /// By scene and view.
     images: BTreeMap<(usize, usize), Image>,
@@ -375,7 +384,6 @@ struct Kept {
     reads: u64,
 }
 
-#[derive(Debug)]
 struct Image {
     pixels: Vec<u8>,
     last_read: u64,

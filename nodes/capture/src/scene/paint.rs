@@ -196,7 +196,7 @@ pub(crate) fn bench(place: Vec3, detail: f32) -> Finish {
     // Fibres and pores, longer than wide.
     let fibre = flat_layers(Vec2::new(turned.x, along / 7.0), 4.0, 3, detail);
     let pores = flat_layers(turned, 3.4, 2, detail);
-    let tone = 0.58 + 0.10 * (own - 0.5) - 0.11 * ring + 0.10 * fibre + 0.06 * pores;
+    let tone = 0.50 + 0.10 * (own - 0.5) - 0.11 * ring + 0.10 * fibre + 0.06 * pores;
     let seam = line(across.min(1.0 - across) * WIDTH, 0.5, detail);
     matt(tone * (1.0 - 0.75 * seam))
 }
@@ -248,8 +248,8 @@ pub(crate) fn brushed(place: Vec3, detail: f32) -> Finish {
     let brush = layers(Vec3::new(place.x, place.y / 5.0, place.z), 3.2, 3, detail);
     let clouds = layers(place, 14.0, 2, detail);
     let marks = lettering::stamp(place.truncate()).map_or(0.0, |away| line(away, 0.5, detail));
-    let tone = 0.60 + 0.11 * brush + 0.07 * clouds;
-    metal(tone * (1.0 - 0.72 * marks), 0.5)
+    let tone = 0.72 + 0.11 * brush + 0.07 * clouds;
+    metal(tone * (1.0 - 0.72 * marks), 0.4)
 }
 
 /// Rough cast zinc.
