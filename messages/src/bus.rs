@@ -474,6 +474,7 @@ impl Bus {
             self.sleep(timeout.min(self.until_report()))?;
             self.obey()?;
         }
+        self.book.borrow_mut().mark = Some(Instant::now());
         Ok(self.waiting.pop_front())
     }
 

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 pub enum Compression {
     /// Not at all.
+    #[default]
     None,
     /// Fast.
-    #[default]
     Lz4,
     /// Small.
     Zstd,
@@ -22,8 +22,9 @@ messages::settings! {
         pub file: String = String::new();
         /// Whether a recording that is there already is overwritten, with all its parts.
         pub overwrite: bool = false;
-        /// `none`, `lz4` or `zstd`.
-        pub compression: Compression = Compression::Lz4;
+        /// `none`, `lz4` or `zstd`. Lists of sub-pixel places hardly shrink: lz4 saves 15 to 25 % of the bytes and doubles
+        /// the recorder's work (measured on rendered scenes).
+        pub compression: Compression = Compression::None;
         /// Bytes after which a scan goes on in a new chunk: viewers that show images alone then read no more.
         pub chunk_bytes: u64 = 1_048_576, in 65_536..=1_073_741_824;
         /// Whether views for people are recorded too: curves over each image, the disparity picture in colours.
