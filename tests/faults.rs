@@ -13,8 +13,12 @@ const SCANS: &str = "300";
 fn start(world: &World, scans: &str) -> Child {
     let scene = world.small_scene("scene");
     let source = scene.to_string_lossy();
-    let child = world.start(&["run", "--source", &source, "--scans", scans, "--record", "x.mcap", "--json"]);
-    wait_until("scans are recorded", || bytes_of(&world.path("x.mcap")) > 1_000_000);
+    let child = world.start(&[
+        "run", "--source", &source, "--scans", scans, "--record", "x.mcap", "--json",
+    ]);
+    wait_until("scans are recorded", || {
+        bytes_of(&world.path("x.mcap")) > 1_000_000
+    });
     child
 }
 
@@ -30,12 +34,20 @@ fn holds_every_scan_once(world: &World, scans: u64) {
 fn kill(node: &str) {
     let world = World::new();
     let child = start(&world, SCANS);
-    let pid = world.nodes().into_iter().find(|(name, _)| name == node).unwrap().1;
+    let pid = world
+        .nodes()
+        .into_iter()
+        .find(|(name, _)| name == node)
+        .unwrap()
+        .1;
     signal(pid, "KILL");
     let ran = Ran::new(child.wait_with_output().unwrap()).done();
     let summary = ran.json();
     let restarts = |n: &serde_json::Value| n["node"] == node && n["restarts"].as_u64() >= Some(1);
-    assert!(summary["nodes"].as_array().unwrap().iter().any(restarts), "killed too late: {ran:?}");
+    assert!(
+        summary["nodes"].as_array().unwrap().iter().any(restarts),
+        "killed too late: {ran:?}"
+    );
     assert_eq!(summary["balanced"], true, "{ran:?}");
     holds_every_scan_once(&world, 300);
     assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
@@ -112,19 +124,30 @@ fn a_full_disk_ends_the_run_and_what_was_written_stays_readable() {
     let program = tricurve.get_program().to_str().unwrap();
     let run = |rights: &[&str]| {
         let mut command = Command::new("unshare");
-        command.args(rights).args(["bash", "-c", script, program, scene.to_str().unwrap()]);
+        command
+            .args(rights)
+            .args(["bash", "-c", script, program, scene.to_str().unwrap()]);
         command.current_dir(tricurve.get_current_dir().unwrap());
         for (key, value) in tricurve.get_envs() {
             command.env(key, value.unwrap());
         }
-        Ran::new(command.stdout(Stdio::piped()).stderr(Stdio::piped()).output().unwrap())
+        Ran::new(
+            command
+                .stdout(Stdio::piped())
+                .stderr(Stdio::piped())
+                .output()
+                .unwrap(),
+        )
     };
     let mut ran = run(&["--mount"]);
     if ran.code != Some(0) {
         ran = run(&["--map-root-user", "--mount"]);
     }
     if ran.code != Some(0) {
-        eprintln!("skipped: this system lets nobody mount a small disk: {}", ran.err);
+        eprintln!(
+            "skipped: this system lets nobody mount a small disk: {}",
+            ran.err
+        );
         return;
     }
     let read = |name| std::fs::read_to_string(world.path(name)).unwrap();
@@ -149,6 +172,12 @@ fn clean_sweeps_up_after_a_run_whose_processes_were_all_killed() {
     }
     wait_until("the nodes are gone", || world.nodes().is_empty());
     assert!(!world.leftovers().is_empty());
-    assert!(world.run(&["clean"]).done().out.contains("cleaned up after 1 dead run"));
+    assert!(
+        world
+            .run(&["clean"])
+            .done()
+            .out
+            .contains("cleaned up after 1 dead run")
+    );
     assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
 }

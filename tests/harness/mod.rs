@@ -1,5 +1,10 @@
 //! Runs the program as its users do: as a process, in a world of its own.
-#![allow(dead_code, clippy::unwrap_used, clippy::expect_used, reason = "each test file uses its part; tests may panic")]
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "each test file uses its part; tests may panic"
+)]
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -11,48 +16,65 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// A world: a folder for files and one for the run's shared memory, nobody else's.
-pub struct World {
+pub(crate) struct World {
     folder: TempDir,
     runtime: TempDir,
 }
 
 impl World {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let runtime = tempfile::Builder::new().prefix("tc").tempdir().unwrap();
         fs::set_permissions(runtime.path(), fs::Permissions::from_mode(0o700)).unwrap();
-        Self { folder: tempfile::tempdir().unwrap(), runtime }
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+            runtime,
+        }
     }
 
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// The program, about to run in this world.
-    pub fn tricurve(&self, arguments: &[&str]) -> Command {
+    pub(crate) fn tricurve(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tricurve"));
-        command.args(arguments).env("XDG_RUNTIME_DIR", self.runtime.path()).current_dir(self.folder.path());
+        command
+            .args(arguments)
+            .env("XDG_RUNTIME_DIR", self.runtime.path())
+            .current_dir(self.folder.path());
         command
     }
 
     /// Runs the program to its end.
-    pub fn run(&self, arguments: &[&str]) -> Ran {
+    pub(crate) fn run(&self, arguments: &[&str]) -> Ran {
         Ran::new(self.tricurve(arguments).output().unwrap())
     }
 
     /// Starts the program and goes on.
-    pub fn start(&self, arguments: &[&str]) -> Child {
-        self.tricurve(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    pub(crate) fn start(&self, arguments: &[&str]) -> Child {
+        self.tricurve(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap()
     }
 
     /// Process ids of the nodes of this world's runs, by name.
-    pub fn nodes(&self) -> Vec<(String, u32)> {
+    pub(crate) fn nodes(&self) -> Vec<(String, u32)> {
         let runtime = self.runtime.path().to_string_lossy().into_owned();
         let mut nodes = Vec::new();
         for entry in fs::read_dir("/proc").unwrap().flatten() {
-            let Ok(pid) = entry.file_name().to_string_lossy().parse::<u32>() else { continue };
+            let Ok(pid) = entry.file_name().to_string_lossy().parse::<u32>() else {
+                continue;
+            };
             let line = fs::read(entry.path().join("cmdline")).unwrap_or_default();
-            let words: Vec<String> = line.split(|b| *b == 0).map(|w| String::from_utf8_lossy(w).into_owned()).collect();
-            if words.get(1).is_some_and(|w| w == "node") && words.iter().any(|w| w.starts_with(&runtime)) {
+            let words: Vec<String> = line
+                .split(|b| *b == 0)
+                .map(|w| String::from_utf8_lossy(w).into_owned())
+                .collect();
+            if words.get(1).is_some_and(|w| w == "node")
+                && words.iter().any(|w| w.starts_with(&runtime))
+            {
                 nodes.push((words[2].clone(), pid));
             }
         }
@@ -60,17 +82,33 @@ impl World {
     }
 
     /// What this world's runs still hold: folders and shared memory.
-    pub fn leftovers(&self) -> Vec<PathBuf> {
+    pub(crate) fn leftovers(&self) -> Vec<PathBuf> {
         let runs = fs::read_dir(self.runtime.path().join("tricurve"));
-        let runs: Vec<PathBuf> = runs.into_iter().flatten().flatten().map(|e| e.path()).collect();
-        let names: Vec<String> = runs.iter().map(|r| r.file_name().unwrap().to_string_lossy().into_owned()).collect();
-        let shared = fs::read_dir("/dev/shm").into_iter().flatten().flatten().map(|e| e.path());
-        let shared = shared.filter(|p| names.iter().any(|name| p.to_string_lossy().contains(name.as_str())));
+        let runs: Vec<PathBuf> = runs
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|e| e.path())
+            .collect();
+        let names: Vec<String> = runs
+            .iter()
+            .map(|r| r.file_name().unwrap().to_string_lossy().into_owned())
+            .collect();
+        let shared = fs::read_dir("/dev/shm")
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|e| e.path());
+        let shared = shared.filter(|p| {
+            names
+                .iter()
+                .any(|name| p.to_string_lossy().contains(name.as_str()))
+        });
         shared.chain(runs.iter().cloned()).collect()
     }
 
     /// A folder with three small textured views, four pixels of disparity apart.
-    pub fn small_scene(&self, name: &str) -> PathBuf {
+    pub(crate) fn small_scene(&self, name: &str) -> PathBuf {
         let folder = self.path(name);
         fs::create_dir_all(&folder).unwrap();
         for view in 0..3u32 {
@@ -100,14 +138,14 @@ fn texture(x: u32, y: u32) -> u8 {
 
 /// How a run ended.
 #[derive(Debug)]
-pub struct Ran {
-    pub code: Option<i32>,
-    pub out: String,
-    pub err: String,
+pub(crate) struct Ran {
+    pub(crate) code: Option<i32>,
+    pub(crate) out: String,
+    pub(crate) err: String,
 }
 
 impl Ran {
-    pub fn new(output: Output) -> Self {
+    pub(crate) fn new(output: Output) -> Self {
         Self {
             code: output.status.code(),
             out: String::from_utf8(output.stdout).unwrap(),
@@ -116,20 +154,20 @@ impl Ran {
     }
 
     #[track_caller]
-    pub fn done(self) -> Self {
+    pub(crate) fn done(self) -> Self {
         assert_eq!(self.code, Some(0), "{self:?}");
         self
     }
 
     #[track_caller]
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         serde_json::from_str(&self.out).unwrap_or_else(|e| panic!("{e}: {self:?}"))
     }
 }
 
 /// Waits until something holds; fails when it takes unreasonably long.
 #[track_caller]
-pub fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
+pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let deadline = Instant::now() + Duration::from_secs(120);
     while !holds() {
         assert!(Instant::now() < deadline, "waited in vain until {what}");
@@ -138,11 +176,14 @@ pub fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
 }
 
 /// Sends a signal to one process.
-pub fn signal(pid: u32, name: &str) {
-    let status = Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status().unwrap();
+pub(crate) fn signal(pid: u32, name: &str) {
+    let status = Command::new("kill")
+        .args([&format!("-{name}"), &pid.to_string()])
+        .status()
+        .unwrap();
     assert!(status.success());
 }
 
-pub fn bytes_of(path: &Path) -> u64 {
+pub(crate) fn bytes_of(path: &Path) -> u64 {
     fs::metadata(path).map_or(0, |meta| meta.len())
 }
