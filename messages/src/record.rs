@@ -6,10 +6,12 @@
 //!
 //! Data topics are lossless. The payload's large sections go in as the memory they are, so that encoding costs one
 //! copy; their layout is declared field by field beside them, and small records (curves, tables, matches) are
-//! messages of their own. Topics for people (curves over each image, the disparity picture in colours) and about the
+//! messages of their own. What another message of the scan says already is not said again: curves name their edges,
+//! R-tables the points of their curves. Topics for people (curves over each image, the disparity picture in colours) and about the
 //! scene (calibration, frames) are derived from the data.
 
 mod codec;
+mod refer;
 mod row;
 mod scene;
 mod schema;
@@ -17,14 +19,14 @@ mod statistics;
 mod views;
 mod wire;
 
-pub use codec::{DecodeError, Recorded};
+pub use codec::{Beside, DecodeError, Recorded};
 pub use scene::Level;
 pub use schema::Schema;
 pub use statistics::{Milliseconds, Statistics};
 pub use views::{Colours, Span, Views, paint};
 
 use crate::rig::Rig;
-use crate::topic::Topic;
+use crate::topic::{Kind, Topic};
 
 /// What a recording's channel carries.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,6 +67,8 @@ pub struct Codec {
     reference: usize,
     optical_frames: Vec<String>,
     pixel_frames: Vec<String>,
+    topics: Vec<Topic>,
+    finder: refer::Finder,
 }
 
 impl Codec {
@@ -81,8 +85,17 @@ impl Codec {
             optical_frames: frames("optical"),
             pixel_frames: frames("pixels"),
             reference: reference.min(rig.views.len().saturating_sub(1)),
+            topics: Topic::all(&rig),
+            finder: refer::Finder::default(),
             rig,
         }
+    }
+
+    /// The topic of another kind, of the same view and channel.
+    pub fn beside(&self, topic: &Topic, kind: Kind) -> Option<&Topic> {
+        let is_it =
+            |t: &&Topic| t.kind == kind && t.view == topic.view && t.channel == topic.channel;
+        self.topics.iter().find(is_it)
     }
 
     /// The rig.

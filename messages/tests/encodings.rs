@@ -6,10 +6,10 @@ use bytemuck::{Pod, Zeroable};
 use foxglove::Decode as _;
 use foxglove::messages as fg;
 use messages::payload::SECTIONS;
-use messages::record::{Codec, DecodeError, Level, Recorded, Span, Views};
+use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Span, Views};
 use messages::{
-    AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Header, Image, Kind,
-    List, Match, Matches, Owned, Points, Rig, Size, Tables, Topic,
+    AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Header, Image,
+    Kind, List, Match, Matches, Owned, Points, Rig, Size, Table, Tables, Topic,
 };
 
 /// Numbers that look random and never change.
@@ -114,8 +114,14 @@ fn sample<M: Sample>(random: &mut Random, topic: &Topic, size: Size, full: bool)
 
 fn encoded<M: Sample>(topic: &Topic, message: &Owned<M>) -> Vec<u8> {
     let mut bytes = Vec::new();
-    codec().encode(topic, &message.header, message.view().into(), &mut bytes);
+    let (header, view) = (&message.header, message.view().into());
+    codec().encode(topic, header, view, Beside::default(), &mut bytes);
     bytes
+}
+
+/// A message that has none beside it.
+fn alone<'a>(_: Kind) -> Option<&'a [u8]> {
+    None
 }
 
 fn assert_round_trip<M: Sample>(random: &mut Random, topic: &Topic, size: Size, full: bool) {
@@ -123,7 +129,7 @@ fn assert_round_trip<M: Sample>(random: &mut Random, topic: &Topic, size: Size, 
     let header = message.header;
     let bytes = encoded(topic, &message);
     let back = codec()
-        .decode::<M>(topic, header.sequence, header.capture_nanos, &bytes)
+        .decode::<M>(topic, header.sequence, header.capture_nanos, &bytes, &alone)
         .unwrap();
     assert_eq!(back.header, header, "{}", topic.name);
     assert!(
@@ -132,7 +138,13 @@ fn assert_round_trip<M: Sample>(random: &mut Random, topic: &Topic, size: Size, 
         topic.name
     );
     let mut again = Vec::new();
-    codec().encode(topic, &back.header, back.view().into(), &mut again);
+    codec().encode(
+        topic,
+        &back.header,
+        back.view().into(),
+        Beside::default(),
+        &mut again,
+    );
     assert!(again == bytes, "{}", topic.name);
 }
 
@@ -178,7 +190,13 @@ fn encoding_appends_and_leaves_what_is_there() {
     let message = sample::<Curves>(&mut Random(2), topic, rig().size, false);
     let alone = encoded(topic, &message);
     let mut bytes = b"before".to_vec();
-    codec().encode(topic, &message.header, message.view().into(), &mut bytes);
+    codec().encode(
+        topic,
+        &message.header,
+        message.view().into(),
+        Beside::default(),
+        &mut bytes,
+    );
     assert_eq!(bytes, [b"before", &*alone].concat());
 }
 
@@ -189,17 +207,292 @@ fn a_message_made_before_is_reused_whatever_it_held() {
         let mut reused = Owned::<M>::new(rig().size);
         for full in [true, false] {
             let message = sample::<M>(&mut random, topic, Size::new(9, 8), full);
-            codec().decode_into(topic, 0, 0, &encoded(topic, &message), &mut reused).unwrap();
+            codec().decode_into(topic, 0, 0, &encoded(topic, &message), &alone, &mut reused).unwrap();
             assert!(M::bytes(reused.view()) == M::bytes(message.view()), "{}", topic.name);
         }
     });
+}
+
+/// Edges in raster order, curves made of them, and the R-tables of those: messages that say the same again.
+fn related(random: &mut Random, size: Size) -> (Owned<Edges>, Owned<Curves>, Owned<Tables>) {
+    let header = Header {
+        view: 0,
+        channel: 0,
+        ..Header::new(7, NANOS, size)
+    };
+    let mut unit = move || random.below(1 << 20) as f32 / (1 << 20) as f32;
+    let mut edges = Owned::<Edges>::new(rig().size);
+    edges.fill(|room| {
+        for pixel in 0..size.pixels() as u32 {
+            // Of one pixel there may be two: one along the row, one along the column.
+            let (x, y) = ((pixel % size.width) as f32, (pixel / size.width) as f32);
+            for (dx, dy) in [(0.0, 0.9), (0.9, 0.0)] {
+                if unit() < 0.4 {
+                    let (magnitude, orientation) = (unit(), (unit() * 8.0).floor() - 3.0);
+                    let (x, y) = (x + dx * unit(), y + dy * unit());
+                    room.edges.push(Edge {
+                        x,
+                        y,
+                        magnitude,
+                        orientation,
+                        profile: [pixel as u8; 8],
+                    });
+                }
+            }
+        }
+    });
+    let mut curves = Owned::<Curves>::new(rig().size);
+    curves.fill(|room| {
+        let all = edges.view().edges;
+        let mut next = 0;
+        while next < all.len() {
+            let count = (1 + (unit() * 9.0) as usize).min(all.len() - next);
+            room.curves.push(Curve {
+                label: room.curves.len() as u32,
+                first: room.points.len() as u32,
+                count: count as u32,
+                x: all[next].x,
+                y: all[next].y + 0.3,
+                ..Curve::default()
+            });
+            // Now and then one belongs to two curves, and none is in the order of the list.
+            let from = next.saturating_sub(usize::from(unit() < 0.3));
+            (from..from + count)
+                .rev()
+                .for_each(|i| room.points.push(all[i]));
+            next += count;
+        }
+    });
+    let mut tables = Owned::<Tables>::new(rig().size);
+    tables.fill(|room| {
+        let curves = curves.view();
+        for curve in curves.curves {
+            room.tables.push(Table {
+                curve: curve.label,
+                first: room.entries.len() as u32,
+                count: curve.count,
+                x: curve.x,
+                y: curve.y,
+                weight: 1.0,
+            });
+            let mut points: Vec<usize> = curve.range().collect();
+            points.sort_by(|&a, &b| {
+                curves.points[a]
+                    .orientation
+                    .total_cmp(&curves.points[b].orientation)
+            });
+            for point in points {
+                let p = curves.points[point];
+                room.entries.push(Entry {
+                    orientation: p.orientation,
+                    rx: curve.x - p.x,
+                    ry: curve.y - p.y,
+                    weight: 1.0,
+                    point: point as u32,
+                });
+            }
+        }
+        let mut order: Vec<u32> = (0..curves.points.len() as u32).collect();
+        let key = |i: u32| {
+            (
+                curves.points[i as usize].y.floor(),
+                curves.points[i as usize].x,
+                i,
+            )
+        };
+        order.sort_by(|&a, &b| key(a).partial_cmp(&key(b)).unwrap());
+        for row in 0..=size.height {
+            room.rows
+                .push(order.iter().filter(|&&i| key(i).0 < row as f32).count() as u32);
+        }
+        room.order.extend_from_slice(&order);
+    });
+    edges.header = Header {
+        lens: edges.header.lens,
+        ..header
+    };
+    curves.header = Header {
+        lens: curves.header.lens,
+        ..header
+    };
+    tables.header = Header {
+        lens: tables.header.lens,
+        ..header
+    };
+    (edges, curves, tables)
+}
+
+/// Encodes the three beside each other, and reads curves and tables back.
+fn through(
+    edges: &Owned<Edges>,
+    curves: &Owned<Curves>,
+    tables: &Owned<Tables>,
+) -> (
+    [Vec<u8>; 3],
+    Result<Owned<Curves>, DecodeError>,
+    Result<Owned<Tables>, DecodeError>,
+) {
+    let topic = |kind| Topic::of(&rig(), kind).swap_remove(0);
+    let beside = Beside {
+        edges: Some(edges.view()),
+        curves: Some(curves.view()),
+    };
+    let mut codec = codec();
+    let mut bytes: [Vec<u8>; 3] = Default::default();
+    let [of_edges, of_curves, of_tables] = &mut bytes;
+    codec.encode(
+        &topic(Kind::Edges),
+        &edges.header,
+        edges.view().into(),
+        beside,
+        of_edges,
+    );
+    codec.encode(
+        &topic(Kind::Curves),
+        &curves.header,
+        curves.view().into(),
+        beside,
+        of_curves,
+    );
+    codec.encode(
+        &topic(Kind::Tables),
+        &tables.header,
+        tables.view().into(),
+        beside,
+        of_tables,
+    );
+    let others = |kind| match kind {
+        Kind::Edges => Some(&*bytes[0]),
+        Kind::Curves => Some(&*bytes[1]),
+        _ => None,
+    };
+    let curves = codec.decode(&topic(Kind::Curves), 7, NANOS, &bytes[1], &others);
+    let tables = codec.decode(&topic(Kind::Tables), 7, NANOS, &bytes[2], &others);
+    (bytes, curves, tables)
+}
+
+#[test]
+fn what_another_message_says_is_not_said_again_and_comes_back_byte_for_byte() {
+    let mut random = Random(9);
+    for size in [
+        Size::new(40, 30),
+        Size::new(13, 7),
+        Size::new(1, 1),
+        Size::new(0, 0),
+    ] {
+        let (edges, curves, tables) = related(&mut random, size);
+        let (bytes, read_curves, read_tables) = through(&edges, &curves, &tables);
+        let (read_curves, read_tables) = (read_curves.unwrap(), read_tables.unwrap());
+        assert_eq!(read_curves.header, curves.header);
+        assert_eq!(read_tables.header, tables.header);
+        assert!(Curves::bytes(read_curves.view()) == Curves::bytes(curves.view()));
+        assert!(Tables::bytes(read_tables.view()) == Tables::bytes(tables.view()));
+        let points = curves.view().points.len();
+        let records = 42 * curves.view().curves.len();
+        assert!(bytes[1].len() < 120 + records + 4 * points, "{size}");
+        assert!(
+            bytes[2].len() < 200 + records + 4 * points + 4 * size.height as usize,
+            "{size}"
+        );
+    }
+}
+
+#[test]
+fn what_differs_by_one_bit_from_what_another_message_says_is_said_in_full() {
+    let mut random = Random(10);
+    let (edges, curves, tables) = related(&mut random, Size::new(20, 10));
+    let assert_lossless = |curves: &Owned<Curves>, tables: &Owned<Tables>, what: &str| {
+        let (bytes, read_curves, read_tables) = through(&edges, curves, tables);
+        assert!(
+            Curves::bytes(read_curves.unwrap().view()) == Curves::bytes(curves.view()),
+            "{what}"
+        );
+        assert!(
+            Tables::bytes(read_tables.unwrap().view()) == Tables::bytes(tables.view()),
+            "{what}"
+        );
+        bytes.map(|bytes| bytes.len())
+    };
+    let short = assert_lossless(&curves, &tables, "as made");
+
+    let moved = edited(&curves, |room| room.points[3].magnitude = -0.0);
+    assert!(assert_lossless(&moved, &tables, "a point that is no edge")[1] > short[1]);
+
+    let change = |change: &dyn Fn(&mut Entry)| edited(&tables, |room| change(&mut room.entries[5]));
+    for tables in [
+        change(&|e| e.rx += 1e-3),
+        change(&|e| e.orientation = f32::NAN),
+        change(&|e| e.point = 0),
+    ] {
+        assert!(assert_lossless(&curves, &tables, "an entry of its own")[2] > short[2]);
+    }
+    let weighed = change(&|e| e.weight = 0.25);
+    let entries = tables.view().entries.len();
+    assert_eq!(
+        assert_lossless(&curves, &weighed, "a weight")[2] - short[2],
+        4 * entries + 3
+    );
+
+    let unordered = edited(&tables, |room| room.order.swap(0, 1));
+    assert!(assert_lossless(&curves, &unordered, "another order")[2] > short[2]);
+    let later = edited(&tables, |room| {
+        room.tables[1].first += 1;
+        room.tables[1].count -= 1;
+    });
+    assert!(assert_lossless(&curves, &later, "a table that leaves an entry out")[2] > short[2]);
+}
+
+/// A message that differs a little from this one.
+fn edited<M: Sample>(message: &Owned<M>, edit: impl FnOnce(&mut M::Room<'_>)) -> Owned<M> {
+    let mut edited = Owned::new(rig().size);
+    edited.fill(|room| {
+        M::copy(message.view(), room);
+        edit(room);
+    });
+    edited.header = message.header;
+    edited
+}
+
+#[test]
+fn references_into_damaged_or_missing_messages_are_told() {
+    let mut random = Random(11);
+    let (edges, curves, tables) = related(&mut random, Size::new(12, 9));
+    let (bytes, ..) = through(&edges, &curves, &tables);
+    let [edges, curves, tables] = &bytes;
+    let topic = |kind| Topic::of(&rig(), kind).swap_remove(0);
+    let read = |edges: Option<&[u8]>, curves: Option<&[u8]>, tables: &[u8]| {
+        let others = |kind| if kind == Kind::Edges { edges } else { curves };
+        let tables = codec().decode::<Tables>(&topic(Kind::Tables), 0, 0, tables, &others);
+        let curves = curves.map(|curves| {
+            codec()
+                .decode::<Curves>(&topic(Kind::Curves), 0, 0, curves, &others)
+                .err()
+        });
+        (curves.flatten(), tables.err())
+    };
+    assert_eq!(read(Some(edges), Some(curves), tables), (None, None));
+    let alone = Some(DecodeError::Alone(Kind::Edges));
+    assert_eq!(read(None, Some(curves), tables), (alone.clone(), alone));
+    assert_eq!(
+        read(Some(edges), None, tables).1,
+        Some(DecodeError::Alone(Kind::Curves))
+    );
+    for _ in 0..600 {
+        let mut bad = bytes.clone();
+        let which = &mut bad[random.below(3)];
+        let at = random.below(which.len());
+        which[at] ^= 1 << random.below(8);
+        // Whatever comes of it, it comes without a panic.
+        let [edges, curves, tables] = &bad;
+        read(Some(edges), Some(curves), tables);
+    }
 }
 
 /// Whatever the bytes, decoding gives a message or an error; it never panics or takes more room than the rig's.
 fn decode_anything(topic: &Topic, bytes: &[u8]) {
     for_every_topic!(each, M => {
         if each == topic
-            && let Ok(message) = codec().decode::<M>(topic, 0, 0, bytes)
+            && let Ok(message) = codec().decode::<M>(topic, 0, 0, bytes, &alone)
         {
             // What decodes encodes.
             encoded(topic, &message);
@@ -255,10 +548,16 @@ fn no_damaged_message_shows_more_than_its_lists_hold() {
     let topic = &Topic::of(&rig(), Kind::Curves)[0];
     let bytes = {
         let mut bytes = Vec::new();
-        codec().encode(topic, &curves.header, curves.view().into(), &mut bytes);
+        codec().encode(
+            topic,
+            &curves.header,
+            curves.view().into(),
+            Beside::default(),
+            &mut bytes,
+        );
         bytes
     };
-    let read = codec().decode::<Curves>(topic, 0, 0, &bytes);
+    let read = codec().decode::<Curves>(topic, 0, 0, &bytes, &alone);
     assert_eq!(read.err(), Some(DecodeError::Unsound));
 }
 
@@ -267,7 +566,8 @@ fn damage_is_told_by_name() {
     let topic = &Topic::of(&rig(), Kind::Image)[0];
     let image = sample::<Image>(&mut Random(5), topic, Size::new(40, 30), true);
     let bytes = encoded(topic, &image);
-    let decode = |codec: &Codec, bytes: &[u8]| codec.decode::<Image>(topic, 0, 0, bytes).err();
+    let decode =
+        |codec: &Codec, bytes: &[u8]| codec.decode::<Image>(topic, 0, 0, bytes, &alone).err();
     let small = Codec::new(
         Rig {
             size: Size::new(39, 30),
@@ -294,19 +594,19 @@ fn damage_is_told_by_name() {
         points,
         &sample::<Points>(&mut Random(6), points, Size::new(4, 4), true),
     );
-    let read = codec().decode::<Edges>(topic, 0, 0, &cloud);
+    let read = codec().decode::<Edges>(topic, 0, 0, &cloud, &alone);
     assert_eq!(read.err(), Some(DecodeError::Layout("columns")));
     let full = encoded(
         points,
         &sample::<Points>(&mut Random(7), points, Size::new(40, 30), true),
     );
-    let read = small.decode::<Points>(points, 0, 0, &full);
+    let read = small.decode::<Points>(points, 0, 0, &full, &alone);
     assert!(matches!(
         read.err(),
         Some(DecodeError::Size(..) | DecodeError::TooMany)
     ));
     assert_eq!(
-        codec().decode::<Points>(topic, 0, 0, &full).err(),
+        codec().decode::<Points>(topic, 0, 0, &full, &alone).err(),
         Some(DecodeError::Layout("kind"))
     );
 }

@@ -4,14 +4,15 @@ use bytemuck::Pod;
 use thiserror::Error;
 
 use super::Codec;
+use super::refer::{Finder, entries_follow, entry_of, order, order_follows};
 use super::row::{Column, Row};
 use super::schema::{CLOUD_HEIGHT, CLOUD_WIDTH};
 use super::wire::{Fields, Fill, Value, varint_len};
 use crate::header::{Header, NONE, Size};
 use crate::payload::{
-    AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edges, EdgesRoom, Image,
-    ImageRoom, List, Matches, MatchesRoom, MatchesView, Message, Owned, Points, PointsRoom, Tables,
-    TablesRoom, TablesView,
+    AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edge, Edges, EdgesRoom,
+    EdgesView, Entry, Image, ImageRoom, List, Matches, MatchesRoom, MatchesView, Message, Owned,
+    Points, PointsRoom, Tables, TablesRoom, TablesView,
 };
 use crate::topic::{Kind, Topic};
 
@@ -36,6 +37,9 @@ pub enum DecodeError {
     /// Its indices point outside it.
     #[error("the message is damaged: its indices point outside of it")]
     Unsound,
+    /// It refers to another message of its scan, which is not there.
+    #[error("the message refers to the {} of its scan, which are not there", .0.name())]
+    Alone(Kind),
 }
 
 /// What an encoded message says besides its payload.
@@ -48,8 +52,16 @@ struct Head<'a> {
 impl Codec {
     /// Appends a data message to `out`, as its topic's schema describes it.
     ///
-    /// Scan number and time are not part of it: they are the recording's `sequence` and `log_time`.
-    pub fn encode(&self, topic: &Topic, header: &Header, view: AnyView<'_>, out: &mut Vec<u8>) {
+    /// Scan number and time are not part of it: they are the recording's `sequence` and `log_time`. What a message of
+    /// the same scan, `beside` it, says already is referred to where that loses nothing.
+    pub fn encode(
+        &mut self,
+        topic: &Topic,
+        header: &Header,
+        view: AnyView<'_>,
+        beside: Beside<'_>,
+        out: &mut Vec<u8>,
+    ) {
         let frame = match (topic.kind, self.rig.views.get(topic.view as usize)) {
             (Kind::Edges, _) => &self.pixel_frames[topic.view as usize],
             (_, Some(_)) => &self.optical_frames[topic.view as usize],
@@ -63,8 +75,10 @@ impl Codec {
         match view {
             AnyView::Image(image) => raw_image(&head, "mono8", image.pixels, out),
             AnyView::Edges(edges) => cloud(&head, edges.edges, out),
-            AnyView::Curves(curves) => curves_message(&head, curves, out),
-            AnyView::Tables(tables) => tables_message(&head, tables, out),
+            AnyView::Curves(curves) => {
+                curves_message(&head, curves, beside.edges, &mut self.finder, out);
+            }
+            AnyView::Tables(tables) => tables_message(&head, tables, beside.curves, out),
             AnyView::Matches(matches) => matches_message(&head, matches, out),
             AnyView::Disparity(picture) => raw_image(&head, "32FC1", picture.disparity, out),
             AnyView::Points(points) => cloud(&head, points.points, out),
@@ -74,17 +88,20 @@ impl Codec {
     /// Reads a message back, with its header: `sequence` and `nanos` are the recording's `sequence` and `log_time`,
     /// view, channel and position are the topic's.
     ///
+    /// `beside` gives the bytes of another kind's message of the same scan, view and channel.
+    ///
     /// # Errors
     /// When the bytes are not what [`encode`](Self::encode) makes of a message of this topic and rig.
-    pub fn decode<M: Recorded>(
+    pub fn decode<'a, M: Recorded>(
         &self,
         topic: &Topic,
         sequence: u64,
         nanos: u64,
-        bytes: &[u8],
+        bytes: &'a [u8],
+        beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
     ) -> Result<Owned<M>, DecodeError> {
         let mut message = Owned::new(self.rig.size);
-        self.decode_into(topic, sequence, nanos, bytes, &mut message)?;
+        self.decode_into(topic, sequence, nanos, bytes, beside, &mut message)?;
         Ok(message)
     }
 
@@ -92,18 +109,19 @@ impl Codec {
     ///
     /// # Errors
     /// As [`decode`](Self::decode); the message is then worthless.
-    pub fn decode_into<M: Recorded>(
+    pub fn decode_into<'a, M: Recorded>(
         &self,
         topic: &Topic,
         sequence: u64,
         nanos: u64,
-        bytes: &[u8],
+        bytes: &'a [u8],
+        beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
         message: &mut Owned<M>,
     ) -> Result<(), DecodeError> {
         if topic.kind != M::KIND {
             return Err(DecodeError::Layout("kind"));
         }
-        let size = message.fill(|room| M::read(bytes, self.rig.size, room))?;
+        let size = message.fill(|room| M::read(bytes, self.rig.size, beside, room))?;
         if !M::is_sound(message.view()) {
             return Err(DecodeError::Unsound);
         }
@@ -122,13 +140,30 @@ impl Codec {
     }
 }
 
+/// Messages of one scan, view and channel that another one may refer to.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Beside<'a> {
+    /// The edges, for curves.
+    pub edges: Option<EdgesView<'a>>,
+    /// The curves, for R-tables.
+    pub curves: Option<CurvesView<'a>>,
+}
+
+/// Gives the bytes of another kind's message.
+type Others<'o, 'a> = &'o dyn Fn(Kind) -> Option<&'a [u8]>;
+
 /// A kind of message that can be read back from a recording.
 pub trait Recorded: Message {
     /// Reads a payload into the room, and gives the image size it belongs to, which is at most `most`.
     ///
     /// # Errors
     /// When the bytes are not what was written.
-    fn read(bytes: &[u8], most: Size, room: &mut Self::Room<'_>) -> Result<Size, DecodeError>;
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
+        room: &mut Self::Room<'_>,
+    ) -> Result<Size, DecodeError>;
 
     /// Whether its indices stay inside it.
     fn is_sound(view: Self::View<'_>) -> bool;
@@ -194,7 +229,12 @@ fn read_raw_image<T: Pod>(
 }
 
 impl Recorded for Image {
-    fn read(bytes: &[u8], most: Size, room: &mut ImageRoom<'_>) -> Result<Size, DecodeError> {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        _: Others<'_, 'a>,
+        room: &mut ImageRoom<'_>,
+    ) -> Result<Size, DecodeError> {
         read_raw_image(bytes, most, "mono8", &mut room.pixels)
     }
 
@@ -204,7 +244,12 @@ impl Recorded for Image {
 }
 
 impl Recorded for Disparity {
-    fn read(bytes: &[u8], most: Size, room: &mut DisparityRoom<'_>) -> Result<Size, DecodeError> {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        _: Others<'_, 'a>,
+        room: &mut DisparityRoom<'_>,
+    ) -> Result<Size, DecodeError> {
         read_raw_image(bytes, most, "32FC1", &mut room.disparity)
     }
 
@@ -236,18 +281,7 @@ fn read_cloud<T: Row>(
     most: Size,
     rows: &mut List<'_, T>,
 ) -> Result<Size, DecodeError> {
-    let mut size = Size::default();
-    let mut packed = Packed::default();
-    for field in Fields::new(bytes) {
-        match field? {
-            (4, value) => packed.stride = value.fixed32()?,
-            (5, value) => packed.column::<T>(value.bytes()?)?,
-            (6, value) => packed.data = value.bytes()?,
-            (CLOUD_WIDTH, value) => size.width = value.fixed32()?,
-            (CLOUD_HEIGHT, value) => size.height = value.fixed32()?,
-            _ => {}
-        }
-    }
+    let (packed, size) = Packed::of_cloud::<T>(bytes)?;
     check_size(size, most)?;
     rows.clear();
     packed.append(rows)?;
@@ -255,7 +289,12 @@ fn read_cloud<T: Row>(
 }
 
 impl Recorded for Edges {
-    fn read(bytes: &[u8], most: Size, room: &mut EdgesRoom<'_>) -> Result<Size, DecodeError> {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        _: Others<'_, 'a>,
+        room: &mut EdgesRoom<'_>,
+    ) -> Result<Size, DecodeError> {
         read_cloud(bytes, most, &mut room.edges)
     }
 
@@ -265,7 +304,12 @@ impl Recorded for Edges {
 }
 
 impl Recorded for Points {
-    fn read(bytes: &[u8], most: Size, room: &mut PointsRoom<'_>) -> Result<Size, DecodeError> {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        _: Others<'_, 'a>,
+        room: &mut PointsRoom<'_>,
+    ) -> Result<Size, DecodeError> {
         read_cloud(bytes, most, &mut room.points)
     }
 
@@ -284,19 +328,54 @@ fn own_head(head: &Head<'_>, out: &mut Vec<u8>) {
     fill.fixed32(4, head.size.height);
 }
 
-fn curves_message(head: &Head<'_>, view: CurvesView<'_>, out: &mut Vec<u8>) {
+fn curves_message(
+    head: &Head<'_>,
+    view: CurvesView<'_>,
+    edges: Option<EdgesView<'_>>,
+    finder: &mut Finder,
+    out: &mut Vec<u8>,
+) {
     own_head(head, out);
     messages(5, view.curves, out);
-    packed(6, view.points, out);
+    let start = out.len();
+    Fill(out).open(7, size_of::<u32>() * view.points.len());
+    if !edges.is_some_and(|edges| finder.refer(view.points, edges.edges, head.size, out)) {
+        out.truncate(start);
+        packed(6, view.points, out);
+    }
 }
 
-fn tables_message(head: &Head<'_>, view: TablesView<'_>, out: &mut Vec<u8>) {
+fn tables_message(
+    head: &Head<'_>,
+    view: TablesView<'_>,
+    curves: Option<CurvesView<'_>>,
+    out: &mut Vec<u8>,
+) {
     own_head(head, out);
     messages(5, view.tables, out);
-    packed(6, view.entries, out);
-    let mut fill = Fill(out);
-    fill.bytes(7, bytemuck::cast_slice(view.rows));
-    fill.bytes(8, bytemuck::cast_slice(view.order));
+    if curves.is_some_and(|curves| entries_follow(view, curves)) {
+        let mut fill = Fill(out);
+        fill.open(9, size_of::<u32>() * view.entries.len());
+        for entry in view.entries {
+            fill.0.extend_from_slice(&entry.point.to_le_bytes());
+        }
+        if view
+            .entries
+            .iter()
+            .any(|entry| entry.weight.to_bits() != 1f32.to_bits())
+        {
+            fill.open(10, size_of::<f32>() * view.entries.len());
+            for entry in view.entries {
+                fill.0.extend_from_slice(&entry.weight.to_le_bytes());
+            }
+        }
+    } else {
+        packed(6, view.entries, out);
+    }
+    Fill(out).bytes(7, bytemuck::cast_slice(view.rows));
+    if !curves.is_some_and(|curves| order_follows(view, curves.points)) {
+        Fill(out).bytes(8, bytemuck::cast_slice(view.order));
+    }
 }
 
 fn matches_message(head: &Head<'_>, view: MatchesView<'_>, out: &mut Vec<u8>) {
@@ -306,13 +385,27 @@ fn matches_message(head: &Head<'_>, view: MatchesView<'_>, out: &mut Vec<u8>) {
 }
 
 impl Recorded for Curves {
-    fn read(bytes: &[u8], most: Size, room: &mut CurvesRoom<'_>) -> Result<Size, DecodeError> {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        beside: Others<'_, 'a>,
+        room: &mut CurvesRoom<'_>,
+    ) -> Result<Size, DecodeError> {
         room.clear();
-        read_own(bytes, most, |number, value| match number {
+        let size = read_own(bytes, most, |number, value| match number {
             5 => read_message(value.bytes()?, &mut room.curves),
-            6 => read_packed(value.bytes()?, &mut room.points),
             _ => Ok(()),
-        })
+        })?;
+        let points = &mut room.points;
+        curve_points(bytes, beside, |more| {
+            points.extend_from_slice(more);
+            if points.refused() > 0 {
+                Err(DecodeError::TooMany)
+            } else {
+                Ok(())
+            }
+        })?;
+        Ok(size)
     }
 
     fn is_sound(view: Self::View<'_>) -> bool {
@@ -320,16 +413,117 @@ impl Recorded for Curves {
     }
 }
 
+/// The points of a message of curves, one after the other, whether they stand in it or in the edges beside it.
+fn curve_points<'a>(
+    bytes: &'a [u8],
+    beside: Others<'_, 'a>,
+    mut take: impl FnMut(&[Edge]) -> Result<(), DecodeError>,
+) -> Result<(), DecodeError> {
+    for field in Fields::new(bytes) {
+        match field? {
+            (6, value) => {
+                let packed = Packed::read::<Edge>(value.bytes()?)?;
+                (0..)
+                    .map_while(|index| packed.row(index))
+                    .try_for_each(|edge| take(&[edge]))?;
+            }
+            (7, value) => {
+                let edges = beside(Kind::Edges).ok_or(DecodeError::Alone(Kind::Edges))?;
+                let edges = Packed::of_cloud::<Edge>(edges)?.0;
+                for index in words(value.bytes()?)? {
+                    take(&[edges.row(index as usize).ok_or(DecodeError::Unsound)?])?;
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// The words of a packed field.
+fn words(bytes: &[u8]) -> Result<impl Iterator<Item = u32>, DecodeError> {
+    let (words, rest) = bytes.as_chunks();
+    if rest.is_empty() {
+        Ok(words.iter().map(|word| u32::from_le_bytes(*word)))
+    } else {
+        Err(DecodeError::Layout("length"))
+    }
+}
+
 impl Recorded for Tables {
-    fn read(bytes: &[u8], most: Size, room: &mut TablesRoom<'_>) -> Result<Size, DecodeError> {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        beside: Others<'_, 'a>,
+        room: &mut TablesRoom<'_>,
+    ) -> Result<Size, DecodeError> {
         room.clear();
-        read_own(bytes, most, |number, value| match number {
+        let (mut points, mut weights, mut has_order) = (None, None, false);
+        let size = read_own(bytes, most, |number, value| match number {
             5 => read_message(value.bytes()?, &mut room.tables),
             6 => read_packed(value.bytes()?, &mut room.entries),
             7 => append(value.bytes()?, &mut room.rows),
-            8 => append(value.bytes()?, &mut room.order),
+            8 => {
+                has_order = true;
+                append(value.bytes()?, &mut room.order)
+            }
+            9 => {
+                points = Some(words(value.bytes()?)?);
+                Ok(())
+            }
+            10 => {
+                weights = Some(words(value.bytes()?)?);
+                Ok(())
+            }
             _ => Ok(()),
-        })
+        })?;
+        if points.is_none() && has_order {
+            return Ok(size);
+        }
+        let mut curve_points = Vec::new();
+        let curves = beside(Kind::Curves).ok_or(DecodeError::Alone(Kind::Curves))?;
+        let most_points = room.order.capacity();
+        self::curve_points(curves, beside, |more| {
+            curve_points.extend_from_slice(more);
+            if curve_points.len() > most_points {
+                Err(DecodeError::TooMany)
+            } else {
+                Ok(())
+            }
+        })?;
+        if let Some(mut points) = points {
+            for table in room.tables.iter() {
+                for point in points.by_ref().take(table.count as usize) {
+                    let weight = match &mut weights {
+                        Some(weights) => {
+                            f32::from_bits(weights.next().ok_or(DecodeError::Unsound)?)
+                        }
+                        None => 1.0,
+                    };
+                    let given = Entry {
+                        point,
+                        weight,
+                        ..Entry::default()
+                    };
+                    let point = curve_points
+                        .get(point as usize)
+                        .ok_or(DecodeError::Unsound)?;
+                    room.entries.push(entry_of(table.x, table.y, point, &given));
+                }
+            }
+            if room.entries.refused() > 0 {
+                return Err(DecodeError::TooMany);
+            }
+            if points.next().is_some() {
+                return Err(DecodeError::Unsound);
+            }
+        }
+        if !has_order {
+            let mut by_row = Vec::new();
+            order(&room.rows, &curve_points, &mut by_row).ok_or(DecodeError::Unsound)?;
+            append(bytemuck::cast_slice(&by_row), &mut room.order)?;
+        }
+        Ok(size)
     }
 
     fn is_sound(view: Self::View<'_>) -> bool {
@@ -339,7 +533,12 @@ impl Recorded for Tables {
 }
 
 impl Recorded for Matches {
-    fn read(bytes: &[u8], most: Size, room: &mut MatchesRoom<'_>) -> Result<Size, DecodeError> {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        _: Others<'_, 'a>,
+        room: &mut MatchesRoom<'_>,
+    ) -> Result<Size, DecodeError> {
         room.clear();
         read_own(bytes, most, |number, value| match number {
             5 => read_message(value.bytes()?, &mut room.matches),
@@ -353,10 +552,10 @@ impl Recorded for Matches {
     }
 }
 
-fn read_own(
-    bytes: &[u8],
+fn read_own<'a>(
+    bytes: &'a [u8],
     most: Size,
-    mut section: impl FnMut(u32, Value<'_>) -> Result<(), DecodeError>,
+    mut section: impl FnMut(u32, Value<'a>) -> Result<(), DecodeError>,
 ) -> Result<Size, DecodeError> {
     let mut size = Size::default();
     for field in Fields::new(bytes) {
@@ -446,16 +645,7 @@ fn column_len(column: &Column) -> usize {
 }
 
 fn read_packed<T: Row>(bytes: &[u8], rows: &mut List<'_, T>) -> Result<(), DecodeError> {
-    let mut packed = Packed::default();
-    for field in Fields::new(bytes) {
-        match field? {
-            (1, value) => packed.column::<T>(value.bytes()?)?,
-            (2, value) => packed.stride = value.fixed32()?,
-            (3, value) => packed.data = value.bytes()?,
-            _ => {}
-        }
-    }
-    packed.append(rows)
+    Packed::read::<T>(bytes)?.append(rows)
 }
 
 /// Packed memory and its description, as far as read.
@@ -466,7 +656,38 @@ struct Packed<'a> {
     data: &'a [u8],
 }
 
-impl Packed<'_> {
+impl<'a> Packed<'a> {
+    /// Reads a `tricurve.Packed`.
+    fn read<T: Row>(bytes: &'a [u8]) -> Result<Self, DecodeError> {
+        let mut packed = Self::default();
+        for field in Fields::new(bytes) {
+            match field? {
+                (1, value) => packed.column::<T>(value.bytes()?)?,
+                (2, value) => packed.stride = value.fixed32()?,
+                (3, value) => packed.data = value.bytes()?,
+                _ => {}
+            }
+        }
+        packed.check::<T>()
+    }
+
+    /// Reads a `foxglove.PointCloud`, and the image size it says.
+    fn of_cloud<T: Row>(bytes: &'a [u8]) -> Result<(Self, Size), DecodeError> {
+        let mut size = Size::default();
+        let mut packed = Self::default();
+        for field in Fields::new(bytes) {
+            match field? {
+                (4, value) => packed.stride = value.fixed32()?,
+                (5, value) => packed.column::<T>(value.bytes()?)?,
+                (6, value) => packed.data = value.bytes()?,
+                (CLOUD_WIDTH, value) => size.width = value.fixed32()?,
+                (CLOUD_HEIGHT, value) => size.height = value.fixed32()?,
+                _ => {}
+            }
+        }
+        Ok((packed.check::<T>()?, size))
+    }
+
     /// Checks the description of the next column.
     fn column<T: Row>(&mut self, bytes: &[u8]) -> Result<(), DecodeError> {
         let (mut name, mut offset, mut number) = (&[][..], 0, 0);
@@ -489,11 +710,25 @@ impl Packed<'_> {
         }
     }
 
-    fn append<T: Row>(&self, rows: &mut List<'_, T>) -> Result<(), DecodeError> {
+    fn check<T: Row>(self) -> Result<Self, DecodeError> {
         if self.columns != T::COLUMNS.len() || self.stride as usize != size_of::<T>() {
             return Err(DecodeError::Layout("columns"));
         }
+        if !self.data.len().is_multiple_of(size_of::<T>()) {
+            return Err(DecodeError::Layout("length"));
+        }
+        Ok(self)
+    }
+
+    fn append<T: Row>(&self, rows: &mut List<'_, T>) -> Result<(), DecodeError> {
         append(self.data, rows)
+    }
+
+    /// One row.
+    fn row<T: Row>(&self, index: usize) -> Option<T> {
+        let start = index.checked_mul(size_of::<T>())?;
+        let bytes = self.data.get(start..)?.get(..size_of::<T>())?;
+        Some(bytemuck::pod_read_unaligned(bytes))
     }
 }
 

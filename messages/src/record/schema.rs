@@ -217,11 +217,19 @@ impl Schema {
                     ],
                 ),
                 row::<Curve>(),
+                // The points stand in it, or `edges` are their indices in `edges/VIEW/CHANNEL` of the same scan.
                 with_head(
                     "Curves",
-                    &[many("curves", 5, Curve::NAME), packed("points", 6)],
+                    &[
+                        many("curves", 5, Curve::NAME),
+                        packed("points", 6),
+                        repeated(field("edges", 7, Type::Fixed32)),
+                    ],
                 ),
                 row::<Table>(),
+                // The entries stand in it, or `points` are their points' indices in `curves/VIEW/CHANNEL` of the same
+                // scan, and `weights` their weights if not all are 1; the vector of an entry is the table's place less
+                // the point's. Without `order` the points of each row are in order of their columns.
                 with_head(
                     "Tables",
                     &[
@@ -229,6 +237,8 @@ impl Schema {
                         packed("entries", 6),
                         repeated(field("rows", 7, Type::Fixed32)),
                         repeated(field("order", 8, Type::Fixed32)),
+                        repeated(field("points", 9, Type::Fixed32)),
+                        repeated(field("weights", 10, Type::Float)),
                     ],
                 ),
                 row::<Match>(),

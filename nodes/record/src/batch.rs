@@ -2,20 +2,25 @@
 
 use std::ops::Range;
 
+use mcap::records::op;
 use messages::ledger::Ledger;
-use messages::record::{Channel, Codec, Content, Level, Span, Statistics, Views};
+use messages::record::{Beside, Channel, Codec, Content, Level, Span, Statistics, Views};
 use messages::{AnyView, Header, Kind, Rig, Topic};
 
 use crate::Settings;
+use crate::file::{MESSAGE_HEAD, RECORD_HEAD};
 
-/// The encoded messages of one scan; made once and used again and again.
+/// The encoded messages of one scan, as the records that stand in the file; made once and used again and again.
 #[derive(Debug, Default)]
 pub struct Batch {
     sequence: u64,
     nanos: u64,
     bytes: Vec<u8>,
-    messages: Vec<(usize, Range<usize>)>,
+    records: Vec<(usize, Range<usize>)>,
 }
+
+/// What stands in front of a message's bytes: opcode, length, channel, sequence, and the two times.
+const HEAD: usize = RECORD_HEAD as usize + MESSAGE_HEAD;
 
 impl Batch {
     /// The scan.
@@ -30,33 +35,61 @@ impl Batch {
 
     /// Bytes of all its messages.
     pub fn len(&self) -> usize {
-        self.bytes.len()
+        self.bytes.len() - HEAD * self.records.len()
     }
 
     /// Whether there is no message in it.
     pub fn is_empty(&self) -> bool {
-        self.messages.is_empty()
+        self.records.is_empty()
     }
 
     /// Its messages: index of the channel, and the bytes.
     pub fn messages(&self) -> impl Iterator<Item = (usize, &[u8])> {
-        self.messages
+        let message = |record: &Range<usize>| &self.bytes[record.start + HEAD..record.end];
+        self.records
             .iter()
-            .map(|(channel, range)| (*channel, &self.bytes[range.clone()]))
+            .map(move |(channel, record)| (*channel, message(record)))
+    }
+
+    /// The records of the messages: index of the channel, and where in [`bytes`](Self::bytes).
+    pub(crate) fn records(&self) -> &[(usize, Range<usize>)] {
+        &self.records
+    }
+
+    /// All records, one after the other.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
     }
 
     fn begin(&mut self, sequence: u64, nanos: u64) {
         self.sequence = sequence;
         self.nanos = nanos;
         self.bytes.clear();
-        self.messages.clear();
+        self.records.clear();
     }
 
     fn add(&mut self, channel: usize, encode: impl FnOnce(&mut Vec<u8>)) {
         let start = self.bytes.len();
+        self.bytes.push(op::MESSAGE);
+        self.bytes.extend_from_slice(&[0; size_of::<u64>()]);
+        self.bytes
+            .extend_from_slice(&channel_id(channel).to_le_bytes());
+        self.bytes
+            .extend_from_slice(&(self.sequence as u32).to_le_bytes());
+        // log_time and publish_time.
+        self.bytes.extend_from_slice(&self.nanos.to_le_bytes());
+        self.bytes.extend_from_slice(&self.nanos.to_le_bytes());
         encode(&mut self.bytes);
-        self.messages.push((channel, start..self.bytes.len()));
+        let end = self.bytes.len();
+        let length = (end - start) as u64 - RECORD_HEAD;
+        self.bytes[start + 1..start + RECORD_HEAD as usize].copy_from_slice(&length.to_le_bytes());
+        self.records.push((channel, start..end));
     }
+}
+
+/// The number in the file of the channel with this index.
+pub(crate) fn channel_id(index: usize) -> u16 {
+    index as u16 + 1
 }
 
 /// Encodes scans of one rig.
@@ -72,8 +105,13 @@ impl Encoder {
     /// For scans of a rig whose disparities and points are those of the view with index `reference`.
     pub fn new(rig: &Rig, reference: usize, settings: &Settings) -> Self {
         let codec = Codec::new(rig.clone(), reference);
+        let mut channels = codec.channels(settings.views);
+        channels.retain(|channel| match &channel.content {
+            Content::Data(topic) => !settings.without.contains(&topic.kind),
+            _ => true,
+        });
         Self {
-            channels: codec.channels(settings.views),
+            channels,
             topics: Topic::all(rig),
             codec,
             views: Views::default(),
@@ -119,8 +157,34 @@ impl Encoder {
             Some((_, AnyView::Matches(matches))) => span.map(|span| (*matches, span)),
             _ => None,
         };
-        let size_of = |view: usize| {
-            find(Kind::Image, view as u32, none).map_or(self.codec.rig().size, |(h, _)| h.size())
+        let Self {
+            codec,
+            channels,
+            views,
+            ..
+        } = self;
+        let largest = codec.rig().size;
+        let size_of =
+            |view: usize| find(Kind::Image, view as u32, none).map_or(largest, |(h, _)| h.size());
+        let is_recorded = |kind: Kind| {
+            channels
+                .iter()
+                .any(|c| matches!(&c.content, Content::Data(topic) if topic.kind == kind))
+        };
+        let (with_edges, with_curves) = (is_recorded(Kind::Edges), is_recorded(Kind::Curves));
+        // Only what is recorded too can be referred to.
+        let beside = |topic: &Topic| {
+            let of = |kind| find(kind, topic.view, topic.channel).map(|(_, message)| *message);
+            Beside {
+                edges: match of(Kind::Edges) {
+                    Some(AnyView::Edges(edges)) if with_edges => Some(edges),
+                    _ => None,
+                },
+                curves: match of(Kind::Curves) {
+                    Some(AnyView::Curves(curves)) if with_curves => Some(curves),
+                    _ => None,
+                },
+            }
         };
         let mut statistics = Statistics {
             scan: sequence,
@@ -130,13 +194,11 @@ impl Encoder {
             statistics.add(header, *message);
         }
 
-        let (codec, views) = (&self.codec, &mut self.views);
-        for (index, channel) in self.channels.iter().enumerate() {
+        for (index, channel) in channels.iter().enumerate() {
             match &channel.content {
                 Content::Transforms => {
-                    batch.add(index, |out| {
-                        codec.transforms(nanos, size_of(codec.reference()), out)
-                    });
+                    let size = size_of(codec.reference());
+                    batch.add(index, |out| codec.transforms(nanos, size, out));
                 }
                 Content::Calibration(view) => {
                     batch.add(index, |out| {
@@ -160,7 +222,10 @@ impl Encoder {
                 }
                 Content::Data(topic) => {
                     if let Some((header, message)) = find(topic.kind, topic.view, topic.channel) {
-                        batch.add(index, |out| codec.encode(topic, header, *message, out));
+                        let beside = beside(topic);
+                        batch.add(index, |out| {
+                            codec.encode(topic, header, *message, beside, out)
+                        });
                     }
                 }
                 Content::Statistics | Content::Ledger | Content::Log => {}

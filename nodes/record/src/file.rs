@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::{ControlFlow, Range};
 
+use binrw::BinRead;
 use mcap::records::{self, MessageHeader, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
@@ -34,6 +35,7 @@ pub(crate) struct Contents {
     /// In the order they stand.
     pub(crate) chunks: Vec<records::ChunkIndex>,
     pub(crate) metadata: Vec<(records::MetadataIndex, records::Metadata)>,
+    pub(crate) attachments: Vec<records::AttachmentIndex>,
     pub(crate) counts: BTreeMap<u16, u64>,
     /// Whether the file ends as it should.
     pub(crate) is_finished: bool,
@@ -133,6 +135,7 @@ impl Contents {
             .chunks
             .sort_by_key(|chunk| chunk.chunk_start_offset);
         contents.counts = stats.channel_message_counts;
+        contents.attachments = summary.attachment_indexes;
         for index in summary.metadata_indexes {
             if let Some(Record::Metadata(metadata)) = record_at(file, index.offset, len)? {
                 contents.metadata.push((index, metadata));
@@ -163,6 +166,10 @@ impl Contents {
                     contents.chunks.push(index);
                     counted.push(BTreeMap::new());
                 }
+                op::ATTACHMENT => match attachment_index(file, start, length)? {
+                    Some(index) => contents.attachments.push(index),
+                    None => break,
+                },
                 op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA | op::MESSAGE_INDEX => {
                     match record_at(file, start, len)? {
                         Some(Record::Header(header)) => contents.library = header.library,
@@ -174,6 +181,17 @@ impl Contents {
                                 name,
                             };
                             contents.metadata.push((index, metadata));
+                        }
+                        Some(Record::Attachment { header, data, .. }) => {
+                            contents.attachments.push(records::AttachmentIndex {
+                                offset: start,
+                                length,
+                                log_time: header.log_time,
+                                create_time: header.create_time,
+                                data_size: data.len() as u64,
+                                name: header.name,
+                                media_type: header.media_type,
+                            });
                         }
                         Some(Record::MessageIndex(index)) => {
                             if let (Some(chunk), Some(counts)) =
@@ -215,17 +233,14 @@ impl Contents {
                     .map(|i| (i.channel_id, i.records.len() as u64));
                 counted.pop();
                 counted.push(counts.collect());
-                // Nothing but metadata follows the last chunk's indexes, and that says what a run ended with.
-                let is_before = |(index, _): &(records::MetadataIndex, _)| index.offset < end;
-                self.metadata.retain(is_before);
-                self.whole_until = end;
+                // What follows the last chunk but its indexes is what a run ended with, and it did not end.
+                self.cut(end);
                 break;
             }
-            self.whole_until = last.chunk_start_offset;
+            let start = last.chunk_start_offset;
             self.chunks.pop();
             counted.pop();
-            let end = self.whole_until;
-            self.metadata.retain(|(index, _)| index.offset < end);
+            self.cut(start);
         }
         for (index, counts) in self.chunks.clone().iter().zip(&mut counted) {
             let is_known = counts
@@ -254,6 +269,12 @@ impl Contents {
             last.message_index_offsets = counts.keys().map(|channel| (*channel, 0)).collect();
         }
         Ok(())
+    }
+
+    fn cut(&mut self, end: u64) {
+        self.whole_until = end;
+        self.metadata.retain(|(index, _)| index.offset < end);
+        self.attachments.retain(|index| index.offset < end);
     }
 
     fn define(&mut self, record: &Record<'_>) {
@@ -304,6 +325,42 @@ fn record_at(file: &mut File, start: u64, len: u64) -> io::Result<Option<Record<
     Ok(parse_record(opcode, &bytes).ok().map(Record::into_owned))
 }
 
+/// The index of the attachment at this place; `None` when it is not sound.
+fn attachment_index(
+    file: &mut File,
+    offset: u64,
+    length: u64,
+) -> io::Result<Option<records::AttachmentIndex>> {
+    if length - RECORD_HEAD > LONGEST_SMALL_RECORD {
+        return Ok(None);
+    }
+    let mut bytes = vec![0; (length - RECORD_HEAD) as usize];
+    file.seek(SeekFrom::Start(offset + RECORD_HEAD))?;
+    file.read_exact(&mut bytes)?;
+    let mut read = io::Cursor::new(&bytes);
+    let header: Result<records::AttachmentHeader, _> = BinRead::read_le(&mut read);
+    let data_size = u64::read_le(&mut read);
+    let (Ok(header), Ok(data_size)) = (header, data_size) else {
+        return Ok(None);
+    };
+    // Behind the data stands their checksum.
+    let end = read
+        .position()
+        .checked_add(data_size)
+        .and_then(|end| end.checked_add(4));
+    Ok(
+        (end == Some(bytes.len() as u64)).then_some(records::AttachmentIndex {
+            offset,
+            length,
+            log_time: header.log_time,
+            create_time: header.create_time,
+            data_size,
+            name: header.name,
+            media_type: header.media_type,
+        }),
+    )
+}
+
 /// The index of the chunk at this place; `None` when its header is not sound.
 fn chunk_index(
     file: &mut File,
@@ -314,8 +371,7 @@ fn chunk_index(
     let mut bytes = vec![0; (length - RECORD_HEAD).min(64) as usize];
     file.seek(SeekFrom::Start(start + RECORD_HEAD))?;
     file.read_exact(&mut bytes)?;
-    let header: Result<records::ChunkHeader, _> =
-        binrw::BinRead::read_le(&mut io::Cursor::new(&bytes));
+    let header: Result<records::ChunkHeader, _> = BinRead::read_le(&mut io::Cursor::new(&bytes));
     let Ok(header) = header else { return Ok(None) };
     let head = 8 + 8 + 8 + 4 + 4 + header.compression.len() as u64 + 8;
     if head.checked_add(header.compressed_size) != Some(length - RECORD_HEAD) {
@@ -353,8 +409,7 @@ impl Chunk {
         visit(file, index, |opcode, body| {
             match opcode {
                 op::MESSAGE => {
-                    let header: MessageHeader =
-                        binrw::BinRead::read_le(&mut io::Cursor::new(body))?;
+                    let header: MessageHeader = BinRead::read_le(&mut io::Cursor::new(body))?;
                     let start = chunk.bytes.len();
                     chunk.bytes.extend_from_slice(&body[MESSAGE_HEAD..]);
                     chunk.messages.push((header, start..chunk.bytes.len()));
@@ -391,7 +446,7 @@ impl Chunk {
 }
 
 /// Channel, sequence and the two times in front of every message.
-const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
+pub(crate) const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
 /// The scan of a chunk's first message, without decompressing more than its beginning.
 pub(crate) fn first_sequence(
@@ -403,7 +458,7 @@ pub(crate) fn first_sequence(
         if opcode != op::MESSAGE {
             return Ok(ControlFlow::Continue(()));
         }
-        let header: MessageHeader = binrw::BinRead::read_le(&mut io::Cursor::new(body))?;
+        let header: MessageHeader = BinRead::read_le(&mut io::Cursor::new(body))?;
         sequence = Some(header.sequence);
         Ok(ControlFlow::Break(()))
     })?;

@@ -11,6 +11,7 @@
 //! [`seal`]; [`Recording`] reads it either way.
 
 mod batch;
+mod chunk;
 mod export;
 mod file;
 mod info;
@@ -22,6 +23,7 @@ mod read;
 mod seal;
 mod settings;
 mod sink;
+mod summary;
 mod thread;
 mod writer;
 

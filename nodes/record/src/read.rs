@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use mcap::records::ChunkIndex;
 use messages::ledger::Ledger;
 use messages::record::{Codec, DecodeError, Recorded};
-use messages::{Owned, Topic};
+use messages::{Kind, Owned, Topic};
 use thiserror::Error;
 
 use crate::Metadata;
@@ -154,8 +154,9 @@ impl Scan {
                 scan,
                 topic: topic.name.clone(),
             })?;
+        let beside = |kind| self.message(&codec.beside(topic, kind)?.name);
         codec
-            .decode(topic, scan, self.nanos, bytes)
+            .decode(topic, scan, self.nanos, bytes, &beside)
             .map_err(|source| ReadError::Message {
                 scan,
                 topic: topic.name.clone(),
@@ -328,12 +329,15 @@ impl Recording {
         })
     }
 
-    /// The scans that have a message of every data topic, in order.
+    /// The scans that have a message of every data topic of the recording, in order.
     pub fn whole_scans(&self) -> Vec<u64> {
-        let data = Topic::all(&self.metadata.rig);
+        let recorded = self.channels();
+        let mut data = Topic::all(&self.metadata.rig);
+        data.retain(|topic| recorded.contains_key(&*topic.name));
         let is_whole = |topics: &BTreeSet<&str>| data.iter().all(|t| topics.contains(&*t.name));
-        self.topics_by_scan()
-            .filter(|(_, topics)| is_whole(topics))
+        let scans = self.topics_by_scan();
+        scans
+            .filter(|(_, topics)| !data.is_empty() && is_whole(topics))
             .map(|(scan, _)| scan)
             .collect()
     }
@@ -425,7 +429,12 @@ impl Recording {
     /// # Errors
     /// When it is not there, or damaged.
     pub fn read<M: Recorded>(&mut self, scan: u64, topic: &Topic) -> Result<Owned<M>, ReadError> {
-        self.scan_of(scan, |name| name == topic.name)?
+        // What it may refer to stands in these.
+        let beside =
+            [Kind::Edges, Kind::Curves].map(|kind| self.codec.beside(topic, kind).cloned());
+        let is_beside = |name: &str| beside.iter().flatten().any(|topic| topic.name == name);
+        let refers = matches!(topic.kind, Kind::Curves | Kind::Tables);
+        self.scan_of(scan, |name| name == topic.name || refers && is_beside(name))?
             .decode(&self.codec, topic)
     }
 

@@ -1,16 +1,15 @@
 //! Gives an unfinished file its end: what is torn is cut, what is whole gets the index that viewers want.
 
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Cursor, Seek, SeekFrom, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use binrw::{BinWrite, Endian};
-use mcap::MAGIC;
-use mcap::records::{self, op};
+use mcap::records::op;
 use serde::Serialize;
 use thiserror::Error;
 
 use crate::file::Contents;
+use crate::summary::{Summary, record};
 
 /// What sealing did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -95,143 +94,35 @@ fn finish(file: &mut File, contents: Contents) -> io::Result<()> {
     result.and_then(|()| file.sync_all())
 }
 
-/// Everything that follows the last chunk of a finished file.
+/// Everything that follows the last chunk of a finished file: its message indexes, and the file's index.
 fn ending(mut contents: Contents) -> io::Result<Vec<u8>> {
     let mut out = Vec::new();
     let end = contents.whole_until;
-    let here = |out: &Vec<u8>| end + out.len() as u64;
-
     if let Some(last) = contents.chunks.last_mut() {
         last.message_index_offsets.clear();
         for index in &contents.last_indexes {
             last.message_index_offsets
-                .insert(index.channel_id, here(&out));
+                .insert(index.channel_id, end + out.len() as u64);
             record(&mut out, op::MESSAGE_INDEX, index)?;
         }
         last.message_index_length = out.len() as u64;
     }
-    // Zero says that nobody knows the sum: nobody read all of the file.
-    record(
-        &mut out,
-        op::DATA_END,
-        &records::DataEnd {
-            data_section_crc: 0,
-        },
-    )?;
-
-    let summary = out.len();
-    let summary_start = here(&out);
-    let mut groups = Vec::new();
-    let mut group = |out: &mut Vec<u8>, group_opcode, fill: &mut Fill<'_>| -> io::Result<()> {
-        let group_start = end + out.len() as u64;
-        fill(out)?;
-        let group_length = end + out.len() as u64 - group_start;
-        if group_length > 0 {
-            groups.push(records::SummaryOffset {
-                group_opcode,
-                group_start,
-                group_length,
-            });
-        }
-        Ok(())
+    let mut summary = Summary {
+        schemas: contents.schemas,
+        channels: contents.channels,
+        counts: contents.counts,
+        metadata: contents
+            .metadata
+            .into_iter()
+            .map(|(index, _)| index)
+            .collect(),
+        attachments: contents.attachments,
+        ..Summary::default()
     };
-    group(&mut out, op::SCHEMA, &mut |out| {
-        contents.schemas.iter().try_for_each(|(id, schema)| {
-            let mut body = Vec::new();
-            let (name, encoding) = (schema.name.clone(), schema.encoding.clone());
-            write(
-                &mut body,
-                &records::SchemaHeader {
-                    id: *id,
-                    name,
-                    encoding,
-                },
-            )?;
-            body.extend_from_slice(&(schema.data.len() as u32).to_le_bytes());
-            body.extend_from_slice(&schema.data);
-            raw_record(out, op::SCHEMA, &body);
-            Ok(())
-        })
-    })?;
-    group(&mut out, op::CHANNEL, &mut |out| {
-        contents
-            .channels
-            .values()
-            .try_for_each(|channel| record(out, op::CHANNEL, channel))
-    })?;
-    let (starts, ends) = (
-        contents.chunks.iter().map(|c| c.message_start_time).min(),
-        contents.chunks.iter().map(|c| c.message_end_time).max(),
-    );
-    let statistics = records::Statistics {
-        message_count: contents.counts.values().sum(),
-        schema_count: contents.schemas.len() as u16,
-        channel_count: contents.channels.len() as u32,
-        attachment_count: 0,
-        metadata_count: contents.metadata.len() as u32,
-        chunk_count: contents.chunks.len() as u32,
-        message_start_time: starts.unwrap_or(0),
-        message_end_time: ends.unwrap_or(0),
-        channel_message_counts: contents.counts,
-    };
-    group(&mut out, op::STATISTICS, &mut |out| {
-        record(out, op::STATISTICS, &statistics)
-    })?;
-    group(&mut out, op::CHUNK_INDEX, &mut |out| {
-        contents
-            .chunks
-            .iter()
-            .try_for_each(|chunk| record(out, op::CHUNK_INDEX, chunk))
-    })?;
-    group(&mut out, op::METADATA_INDEX, &mut |out| {
-        let indexes = contents.metadata.iter().map(|(index, _)| index);
-        indexes
-            .clone()
-            .try_for_each(|index| record(out, op::METADATA_INDEX, index))
-    })?;
-    let summary_offset_start = here(&out);
-    for offset in &groups {
-        record(&mut out, op::SUMMARY_OFFSET, offset)?;
+    for chunk in &contents.chunks {
+        summary.chunks.add(chunk)?;
     }
-
-    // The sum covers the footer up to itself.
-    let footer = records::Footer {
-        summary_start,
-        summary_offset_start,
-        summary_crc: 0,
-    };
-    record(&mut out, op::FOOTER, &footer)?;
-    out.truncate(out.len() - size_of::<u32>());
-    let crc = crc32fast::hash(&out[summary..]);
-    out.extend_from_slice(&crc.to_le_bytes());
-    out.extend_from_slice(MAGIC);
+    let ending = summary.ending(end + out.len() as u64)?;
+    out.extend_from_slice(&ending);
     Ok(out)
-}
-
-type Fill<'a> = dyn FnMut(&mut Vec<u8>) -> io::Result<()> + 'a;
-
-fn write<R>(out: &mut Vec<u8>, record: &R) -> io::Result<()>
-where
-    R: for<'a> BinWrite<Args<'a> = ()>,
-{
-    let mut out = Cursor::new(out);
-    record
-        .write_options(&mut out, Endian::Little, ())
-        .map_err(io::Error::other)
-}
-
-fn record<R>(out: &mut Vec<u8>, opcode: u8, record: &R) -> io::Result<()>
-where
-    R: for<'a> BinWrite<Args<'a> = ()>,
-{
-    let mut body = Vec::new();
-    write(&mut body, record)?;
-    raw_record(out, opcode, &body);
-    Ok(())
-}
-
-fn raw_record(out: &mut Vec<u8>, opcode: u8, body: &[u8]) {
-    out.push(opcode);
-    out.extend_from_slice(&(body.len() as u64).to_le_bytes());
-    out.extend_from_slice(body);
 }

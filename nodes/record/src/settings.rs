@@ -1,5 +1,6 @@
 //! How a recording is written.
 
+use messages::Kind;
 use serde::{Deserialize, Serialize};
 
 /// How chunks are compressed; every reader opens all of them.
@@ -29,6 +30,8 @@ messages::settings! {
         pub chunk_bytes: u64 = 1_048_576, in 65_536..=1_073_741_824;
         /// Whether views for people are recorded too: curves over each image, the disparity picture in colours.
         pub views: bool = true;
+        /// Kinds of data that are left out: `edges`, `curves`, `tables` … What is left out cannot be replayed from.
+        pub without: Vec<Kind> = Vec::new();
         /// Bytes after which the next scan goes into a new part; without it size does not matter.
         pub max_bytes: Option<u64> = None, in 1_000_000..=1e12;
         /// Seconds of recorded time after which the next scan goes into a new part; without it time does not matter.

@@ -1,18 +1,16 @@
-//! The file under the recording: what is not flushed stays in memory, what is flushed is whole.
+//! The file under the recording: everything that is written to it is whole.
 //!
-//! Before a flush writes anything, room is set aside for all of it and for the index that a finished file needs:
-//! a full disk shows before a chunk is torn, and there is room left to finish.
+//! Before anything is written, room is set aside for all of it and for the index that a finished file needs: a full
+//! disk shows before a chunk is torn, and there is room left to finish.
 
 use std::fs::File;
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, IoSlice, Seek, SeekFrom, Write};
 use std::ops::Range;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What a sink needs of a file.
 pub(crate) trait Disk: Send + std::fmt::Debug {
-    /// Appends all bytes.
-    fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
+    /// Appends all pieces.
+    fn append(&mut self, pieces: &mut [IoSlice<'_>]) -> io::Result<()>;
 
     /// Sets room aside without changing the file's length; does nothing where that is unknown.
     fn allocate(&mut self, range: Range<u64>) -> io::Result<()>;
@@ -25,8 +23,18 @@ pub(crate) trait Disk: Send + std::fmt::Debug {
 }
 
 impl Disk for File {
-    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.write_all(bytes)
+    fn append(&mut self, mut pieces: &mut [IoSlice<'_>]) -> io::Result<()> {
+        // Empty pieces would look like an end.
+        IoSlice::advance_slices(&mut pieces, 0);
+        while !pieces.is_empty() {
+            match self.write_vectored(pieces) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(written) => IoSlice::advance_slices(&mut pieces, written),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
 
     #[cfg(target_os = "linux")]
@@ -60,48 +68,61 @@ impl Disk for File {
 /// Room for schemas, channels and metadata in the index.
 const INDEX_BYTES: u64 = 256 << 10;
 /// Room for a scan's chunks in the index.
-const INDEX_BYTES_A_FLUSH: u64 = 4 << 10;
+const INDEX_BYTES_A_SCAN: u64 = 4 << 10;
 /// Room is set aside in steps of this, so that not every flush needs to ask.
 const STEP: u64 = 8 << 20;
 
-/// Collects what is written until it is flushed.
+/// Appends to a file, all or nothing.
 #[derive(Debug)]
 pub(crate) struct Sink {
     disk: Box<dyn Disk>,
-    pending: Vec<u8>,
-    cursor: usize,
-    flushed: u64,
-    flushes: u64,
+    len: u64,
+    appends: u64,
     allocated: u64,
     failed: bool,
-    written: Arc<AtomicU64>,
 }
 
 impl Sink {
-    /// On an empty file; `written` always tells how many bytes are flushed.
-    pub(crate) fn new(disk: Box<dyn Disk>, written: Arc<AtomicU64>) -> Self {
+    /// On an empty file.
+    pub(crate) fn new(disk: Box<dyn Disk>) -> Self {
         Self {
             disk,
-            pending: Vec::new(),
-            cursor: 0,
-            flushed: 0,
-            flushes: 0,
+            len: 0,
+            appends: 0,
             allocated: 0,
             failed: false,
-            written,
         }
     }
 
-    /// Gives back room that was set aside and waits for the disk.
-    pub(crate) fn close(mut self) -> io::Result<()> {
-        self.flush()?;
-        self.disk.cut(self.flushed)?;
-        self.disk.sync()
+    /// How long the file is.
+    pub(crate) fn len(&self) -> u64 {
+        self.len
     }
 
-    fn commit(&mut self) -> io::Result<()> {
-        let end = self.flushed + self.pending.len() as u64;
-        let needed = end + INDEX_BYTES + (self.flushes + 1) * INDEX_BYTES_A_FLUSH;
+    /// Appends all pieces. When that fails the file is as it was before, and the sink takes no more.
+    pub(crate) fn append(&mut self, pieces: &mut [IoSlice<'_>]) -> io::Result<()> {
+        if self.failed {
+            return Err(io::Error::other("an earlier write failed"));
+        }
+        let end = self.len + pieces.iter().map(|piece| piece.len() as u64).sum::<u64>();
+        let appended = self.reserve(end).and_then(|()| self.disk.append(pieces));
+        match appended {
+            Ok(()) => {
+                self.len = end;
+                self.appends += 1;
+            }
+            Err(_) => {
+                self.failed = true;
+                // Should even that fail, sealing cuts the torn end.
+                drop(self.disk.cut(self.len));
+            }
+        }
+        appended
+    }
+
+    /// Sets room aside for a file of this length and its index.
+    fn reserve(&mut self, end: u64) -> io::Result<()> {
+        let needed = end + INDEX_BYTES + (self.appends + 1) * INDEX_BYTES_A_SCAN;
         if needed > self.allocated {
             let from = self.allocated;
             self.allocated = needed + STEP;
@@ -110,57 +131,23 @@ impl Sink {
                 self.disk.allocate(from..needed)?;
             }
         }
-        self.disk.append(&self.pending)?;
-        self.flushed = end;
-        self.flushes += 1;
-        self.pending.clear();
-        self.cursor = 0;
-        self.written.store(end, Ordering::Relaxed);
         Ok(())
     }
-}
 
-impl Write for Sink {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let overwritten = bytes.len().min(self.pending.len() - self.cursor);
-        let (over, new) = bytes.split_at(overwritten);
-        self.pending[self.cursor..self.cursor + overwritten].copy_from_slice(over);
-        self.pending.extend_from_slice(new);
-        self.cursor += bytes.len();
-        Ok(bytes.len())
-    }
-
-    /// Everything or nothing: when it fails the file is as it was before, and the sink takes no more.
-    fn flush(&mut self) -> io::Result<()> {
+    /// Appends the last bytes, for which room was set aside, gives back what is left of it and waits for the disk.
+    pub(crate) fn close(mut self, ending: &[u8]) -> io::Result<u64> {
         if self.failed {
             return Err(io::Error::other("an earlier write failed"));
         }
-        if self.pending.is_empty() {
-            return Ok(());
+        let appended = self.disk.append(&mut [IoSlice::new(ending)]);
+        if appended.is_err() {
+            drop(self.disk.cut(self.len));
         }
-        self.commit().inspect_err(|_| {
-            self.failed = true;
-            // Should even that fail, sealing cuts the torn end.
-            drop(self.disk.cut(self.flushed));
-        })
-    }
-}
-
-impl Seek for Sink {
-    /// Only what is not flushed yet can be written again.
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let end = self.flushed + self.pending.len() as u64;
-        let here = self.flushed + self.cursor as u64;
-        let position = match to {
-            SeekFrom::Start(position) => Some(position),
-            SeekFrom::Current(by) => here.checked_add_signed(by),
-            SeekFrom::End(by) => end.checked_add_signed(by),
-        };
-        let position = position.filter(|position| (self.flushed..=end).contains(position));
-        let position =
-            position.ok_or_else(|| io::Error::other("what is flushed is not touched"))?;
-        self.cursor = (position - self.flushed) as usize;
-        Ok(position)
+        appended?;
+        let len = self.len + ending.len() as u64;
+        self.disk.cut(len)?;
+        self.disk.sync()?;
+        Ok(len)
     }
 }
 
@@ -168,21 +155,21 @@ impl Seek for Sink {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use std::sync::Mutex;
+    use std::sync::{Arc, Mutex};
 
     #[derive(Clone, Debug, Default)]
     struct Memory(Arc<Mutex<Vec<u8>>>, usize);
 
     impl Disk for Memory {
-        fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        fn append(&mut self, pieces: &mut [IoSlice<'_>]) -> io::Result<()> {
             let mut memory = self.0.lock().unwrap();
-            let room = self.1 - memory.len();
-            memory.extend_from_slice(&bytes[..room.min(bytes.len())]);
-            if bytes.len() > room {
-                Err(io::ErrorKind::StorageFull.into())
-            } else {
-                Ok(())
+            for byte in pieces.iter().flat_map(|piece| piece.iter()) {
+                if memory.len() == self.1 {
+                    return Err(io::ErrorKind::StorageFull.into());
+                }
+                memory.push(*byte);
             }
+            Ok(())
         }
 
         fn allocate(&mut self, _: Range<u64>) -> io::Result<()> {
@@ -200,33 +187,30 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_flushed_can_be_written_over() {
-        let memory = Memory(Arc::default(), 100);
-        let mut sink = Sink::new(Box::new(memory.clone()), Arc::default());
-        sink.write_all(b"first").unwrap();
-        sink.flush().unwrap();
-        sink.write_all(b"??second").unwrap();
-        assert!(memory.0.lock().unwrap().ends_with(b"first"));
-        sink.seek(SeekFrom::Start(5)).unwrap();
-        sink.write_all(b", ").unwrap();
-        assert_eq!(sink.stream_position().unwrap(), 7);
-        assert_eq!(sink.seek(SeekFrom::End(0)).unwrap(), 13);
-        assert!(sink.seek(SeekFrom::Start(4)).is_err());
-        sink.close().unwrap();
-        assert_eq!(*memory.0.lock().unwrap(), b"first, second");
+    fn an_append_that_fails_leaves_the_file_as_it_was_and_is_the_last() {
+        let memory = Memory(Arc::default(), 8);
+        let mut sink = Sink::new(Box::new(memory.clone()));
+        sink.append(&mut [IoSlice::new(b"fi"), IoSlice::new(b"rst")])
+            .unwrap();
+        let error = sink.append(&mut [IoSlice::new(b"second")]).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::StorageFull);
+        assert_eq!(*memory.0.lock().unwrap(), b"first");
+        assert!(sink.append(&mut [IoSlice::new(b"x")]).is_err());
+        assert!(sink.close(b"x").is_err());
+        assert_eq!(*memory.0.lock().unwrap(), b"first");
     }
 
     #[test]
-    fn a_flush_that_fails_leaves_the_file_as_it_was_and_is_the_last() {
-        let memory = Memory(Arc::default(), 8);
-        let mut sink = Sink::new(Box::new(memory.clone()), Arc::default());
-        sink.write_all(b"first").unwrap();
-        sink.flush().unwrap();
-        sink.write_all(b"second").unwrap();
-        assert_eq!(sink.flush().unwrap_err().kind(), io::ErrorKind::StorageFull);
-        assert_eq!(*memory.0.lock().unwrap(), b"first");
-        assert!(sink.flush().is_err());
-        assert!(sink.close().is_err());
-        assert_eq!(*memory.0.lock().unwrap(), b"first");
+    fn all_pieces_reach_the_file() {
+        let mut file = tempfile::tempfile().unwrap();
+        let many: Vec<Vec<u8>> = (0..3000u32)
+            .map(|i| vec![i as u8; i as usize % 5])
+            .collect();
+        let mut pieces: Vec<_> = many.iter().map(|piece| IoSlice::new(piece)).collect();
+        file.append(&mut pieces).unwrap();
+        let mut read = Vec::new();
+        file.rewind().unwrap();
+        io::Read::read_to_end(&mut file, &mut read).unwrap();
+        assert!(read == many.concat());
     }
 }

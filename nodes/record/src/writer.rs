@@ -2,25 +2,25 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io;
+use std::io::{self, IoSlice};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use mcap::WriteOptions;
-use mcap::records::MessageHeader;
+use mcap::MAGIC;
+use mcap::records::{self, op};
 use messages::ledger::Ledger;
 use messages::record::Channel;
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::file::Contents;
+use crate::batch::channel_id;
+use crate::chunk::Chunker;
+use crate::file::{Contents, FileSchema};
 use crate::metadata::{Identity, Metadata, NAME, ledger_record};
 use crate::parts::{count, part_path};
 use crate::seal::{SealError, seal};
-use crate::settings::Compression;
 use crate::sink::{Disk, Sink};
+use crate::summary::{Summary, raw_record, record, schema_record, write};
 use crate::{Batch, Encoder, Sealed, Settings};
 
 /// Why a recording cannot be written.
@@ -57,14 +57,6 @@ pub enum WriteError {
         /// What the system says.
         source: io::Error,
     },
-    /// The file's writer refuses.
-    #[error("cannot record to {}: {source}", path.display())]
-    Mcap {
-        /// The file.
-        path: PathBuf,
-        /// What it says.
-        source: mcap::McapError,
-    },
     /// An unfinished part could not be finished.
     #[error(transparent)]
     Seal(#[from] SealError),
@@ -87,11 +79,10 @@ pub struct Written {
 /// A part that is being written.
 struct Part {
     path: PathBuf,
-    mcap: mcap::Writer<Sink>,
-    /// Of every channel its number in this file.
-    ids: Vec<u16>,
-    /// Bytes flushed.
-    written: Arc<AtomicU64>,
+    sink: Sink,
+    summary: Summary,
+    /// Schemas and channels, until the first chunk took them in.
+    definitions: Vec<u8>,
     first_nanos: Option<u64>,
 }
 
@@ -106,6 +97,7 @@ pub struct Writer {
     identity: Identity,
     channels: Vec<Channel>,
     open: Open,
+    chunker: Chunker,
     part: Option<Part>,
     recorded: Written,
 }
@@ -218,6 +210,7 @@ impl Writer {
             metadata: metadata.clone(),
             identity,
             channels: encoder.channels().to_vec(),
+            chunker: Chunker::new(settings.compression, settings.chunk_bytes),
             open,
             part: None,
             recorded: Written::default(),
@@ -236,42 +229,20 @@ impl Writer {
         if self.identity.part > 0 && path.exists() && !holds_nothing(&path) {
             return Err(WriteError::NotAPart(path));
         }
-        let written = Arc::new(AtomicU64::new(0));
-        let sink = Sink::new((self.open)(&path)?, Arc::clone(&written));
-        // Level 1 is zstd's fastest, level 0 lz4's.
-        let (compression, level) = match self.settings.compression {
-            Compression::None => (None, 0),
-            Compression::Lz4 => (Some(mcap::Compression::Lz4), 0),
-            Compression::Zstd => (Some(mcap::Compression::Zstd), 1),
-        };
-        let begin = || {
-            let mut mcap = WriteOptions::new()
-                .library(format!("tricurve {}", self.metadata.version))
-                .compression(compression)
-                .compression_level(level)
-                .compression_threads(0)
-                .chunk_size(Some(self.settings.chunk_bytes))
-                .create(sink)?;
-            mcap.write_metadata(&self.metadata.to_record(&self.identity))?;
-            mcap.flush()?;
-            let mut ids = Vec::new();
-            for channel in &self.channels {
-                let schema = &channel.schema;
-                let id = mcap.add_schema(&schema.name, schema.encoding, &schema.data)?;
-                let encoding = schema.message_encoding();
-                ids.push(mcap.add_channel(id, &channel.name, encoding, &BTreeMap::new())?);
-            }
-            Ok((mcap, ids))
-        };
-        let (mcap, ids) = begin().map_err(|source| mcap_error(&path, source))?;
-        self.recorded.parts.push(path.clone());
-        Ok(Part {
+        let mut part = Part {
+            sink: Sink::new((self.open)(&path)?),
             path,
-            mcap,
-            ids,
-            written,
+            summary: Summary::default(),
+            definitions: Vec::new(),
             first_nanos: None,
-        })
+        };
+        let begun = part.define(&self.channels).and_then(|()| {
+            let metadata = self.metadata.to_record(&self.identity);
+            part.begin(&self.metadata, &metadata)
+        });
+        begun.map_err(|source| io_error(&part.path, source))?;
+        self.recorded.parts.push(part.path.clone());
+        Ok(part)
     }
 
     /// Writes a scan and flushes it: when this returns, no death of this process loses it. Gives the bytes written.
@@ -289,16 +260,14 @@ impl Writer {
             self.part = Some(self.open_part()?);
         }
         let part = self.part.as_mut().ok_or(WriteError::Ended)?;
-        let before = part.written.load(Ordering::Relaxed);
-        let result = part.write(batch);
-        let bytes = part.written.load(Ordering::Relaxed) - before;
-        if let Err(source) = result {
-            let path = part.path.clone();
-            self.give_up(&path);
-            return Err(mcap_error(&path, source));
+        let before = part.sink.len();
+        if let Err(source) = part.write(&mut self.chunker, batch) {
+            let error = io_error(&part.path, source);
+            self.give_up();
+            return Err(error);
         }
         self.recorded.scans += 1;
-        Ok(bytes)
+        Ok(part.sink.len() - before)
     }
 
     /// Whether the part has all it should have, and this scan belongs into the next.
@@ -309,7 +278,7 @@ impl Writer {
         let seconds = batch.nanos().saturating_sub(first) as f64 / 1e9;
         self.settings
             .max_bytes
-            .is_some_and(|most| part.written.load(Ordering::Relaxed) >= most)
+            .is_some_and(|most| part.sink.len() >= most)
             || self
                 .settings
                 .max_seconds
@@ -317,14 +286,14 @@ impl Writer {
     }
 
     /// Ends the part that cannot be written any more, so that others can read what it holds.
-    fn give_up(&mut self, path: &Path) {
-        if let Some(part) = self.part.take() {
-            self.recorded.bytes += part.written.load(Ordering::Relaxed);
-            // The sink takes nothing more; this only closes the file.
-            drop(part);
+    fn give_up(&mut self) {
+        if let Some(Part { path, sink, .. }) = self.part.take() {
+            self.recorded.bytes += sink.len();
+            // Closes the file, which sealing wants for itself.
+            drop(sink);
+            // Should this fail too, the file is unfinished but whole, and `info` says so.
+            drop(seal(&path));
         }
-        // Should this fail too, the file is unfinished but whole, and `info` says so.
-        drop(seal(path));
     }
 
     /// Finishes the recording, with the ledger where the whole run's is known.
@@ -338,45 +307,132 @@ impl Writer {
 
     fn close_part(&mut self, ledger: Option<&Ledger>) -> Result<(), WriteError> {
         let mut part = self.part.take().ok_or(WriteError::Ended)?;
-        let mut end = || {
-            if let Some(ledger) = ledger {
-                part.mcap.write_metadata(&ledger_record(ledger))?;
+        let ending = match ledger {
+            Some(ledger) => part.add_metadata(&ledger_record(ledger)),
+            None => Ok(()),
+        }
+        .and_then(|()| part.summary.ending(part.sink.len()));
+        let closed = ending.and_then(|ending| part.sink.close(&ending));
+        match closed {
+            Ok(len) => self.recorded.bytes += len,
+            Err(source) => {
+                drop(seal(&part.path));
+                return Err(io_error(&part.path, source));
             }
-            part.mcap.finish()
-        };
-        let ended = end();
-        let (path, written) = (part.path.clone(), Arc::clone(&part.written));
-        let closed = ended.and_then(|_| Ok(part.mcap.into_inner().close()?));
-        self.recorded.bytes += written.load(Ordering::Relaxed);
-        closed.map_err(|source| {
-            drop(seal(&path));
-            mcap_error(&path, source)
-        })
+        }
+        Ok(())
     }
 }
 
 impl Part {
-    fn write(&mut self, batch: &Batch) -> Result<(), mcap::McapError> {
-        self.first_nanos.get_or_insert(batch.nanos());
-        for (channel, bytes) in batch.messages() {
-            let header = MessageHeader {
-                channel_id: self.ids[channel],
-                sequence: batch.sequence() as u32,
-                log_time: batch.nanos(),
-                publish_time: batch.nanos(),
+    /// Says which schemas and channels there are.
+    fn define(&mut self, channels: &[Channel]) -> io::Result<()> {
+        let mut schemas: Vec<FileSchema> = Vec::new();
+        for (index, channel) in channels.iter().enumerate() {
+            let schema = FileSchema {
+                name: channel.schema.name.clone(),
+                encoding: channel.schema.encoding.to_owned(),
+                data: channel.schema.data.clone(),
             };
-            self.mcap.write_to_known_channel(&header, bytes)?;
+            let known = schemas.iter().position(|known| *known == schema);
+            let place = known.unwrap_or(schemas.len());
+            let schema_id = place as u16 + 1;
+            if known.is_none() {
+                schema_record(&mut self.definitions, schema_id, &schema)?;
+                self.summary.schemas.insert(schema_id, schema.clone());
+                schemas.push(schema);
+            }
+            let channel = records::Channel {
+                id: channel_id(index),
+                schema_id,
+                topic: channel.name.clone(),
+                message_encoding: channel.schema.message_encoding().to_owned(),
+                metadata: BTreeMap::new(),
+            };
+            record(&mut self.definitions, op::CHANNEL, &channel)?;
+            self.summary.channels.insert(channel.id, channel);
         }
-        self.mcap.flush()
+        Ok(())
     }
+
+    /// Writes what stands before the first scan: the header, what the recording says about itself, and the effective
+    /// configuration once more as a file that can be taken out and run.
+    fn begin(&mut self, about: &Metadata, metadata: &records::Metadata) -> io::Result<()> {
+        let mut out = MAGIC.to_vec();
+        let header = records::Header {
+            profile: String::new(),
+            library: format!("{NAME} {}", about.version),
+        };
+        record(&mut out, op::HEADER, &header)?;
+        self.sink.append(&mut [IoSlice::new(&out)])?;
+        self.add_metadata(metadata)?;
+        let configuration = serde_json::to_vec_pretty(&about.configuration)?;
+        self.attach("configuration.json", "application/json", &configuration)
+    }
+
+    fn add_metadata(&mut self, metadata: &records::Metadata) -> io::Result<()> {
+        let mut out = Vec::new();
+        record(&mut out, op::METADATA, metadata)?;
+        let (offset, length, name) = (self.sink.len(), out.len() as u64, metadata.name.clone());
+        self.sink.append(&mut [IoSlice::new(&out)])?;
+        self.summary.metadata.push(records::MetadataIndex {
+            offset,
+            length,
+            name,
+        });
+        Ok(())
+    }
+
+    fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> io::Result<()> {
+        let now = now_nanos();
+        let header = records::AttachmentHeader {
+            log_time: now,
+            create_time: now,
+            name: name.to_owned(),
+            media_type: media_type.to_owned(),
+        };
+        let mut body = Vec::new();
+        write(&mut body, &header)?;
+        body.extend_from_slice(&(data.len() as u64).to_le_bytes());
+        body.extend_from_slice(data);
+        body.extend_from_slice(&crc32fast::hash(&body).to_le_bytes());
+        let mut out = Vec::new();
+        raw_record(&mut out, op::ATTACHMENT, &body);
+        let (offset, length) = (self.sink.len(), out.len() as u64);
+        self.sink.append(&mut [IoSlice::new(&out)])?;
+        self.summary.attachments.push(records::AttachmentIndex {
+            offset,
+            length,
+            log_time: now,
+            create_time: now,
+            data_size: data.len() as u64,
+            name: header.name,
+            media_type: header.media_type,
+        });
+        Ok(())
+    }
+
+    fn write(&mut self, chunker: &mut Chunker, batch: &Batch) -> io::Result<()> {
+        if batch.is_empty() {
+            return Ok(());
+        }
+        self.first_nanos.get_or_insert(batch.nanos());
+        chunker.chunks(batch, &self.definitions, self.sink.len(), &mut self.summary)?;
+        self.sink.append(&mut chunker.pieces(batch))?;
+        self.definitions.clear();
+        Ok(())
+    }
+}
+
+/// Nanoseconds since 1970.
+fn now_nanos() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
 }
 
 /// What tells this recording from all others.
 fn unique() -> String {
-    let now = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |now| now.as_nanos());
-    format!("{now:x}-{:x}", std::process::id())
+    format!("{:x}-{:x}", now_nanos(), std::process::id())
 }
 
 fn check_folder(path: &Path) -> Result<(), WriteError> {
@@ -438,24 +494,13 @@ fn io_error(path: &Path, source: io::Error) -> WriteError {
     }
 }
 
-fn mcap_error(path: &Path, source: mcap::McapError) -> WriteError {
-    match source {
-        mcap::McapError::Io(source) => io_error(path, source),
-        source => WriteError::Mcap {
-            path: path.to_owned(),
-            source,
-        },
-    }
-}
-
 #[cfg(test)]
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
     use crate::synthetic::{self, Scan};
-    use crate::{Info, Recording};
+    use crate::{Compression, Info, Recording};
     use messages::Size;
-    use std::io::Write;
     use std::ops::Range;
 
     /// A disk with so much room, which it may or may not set aside.
@@ -468,15 +513,16 @@ mod tests {
     }
 
     impl Disk for Small {
-        fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-            let here = self.file.metadata()?.len();
-            let fits = (self.room - here).min(bytes.len() as u64) as usize;
-            self.file.write_all(&bytes[..fits])?;
-            if fits < bytes.len() {
-                Err(io::ErrorKind::StorageFull.into())
-            } else {
-                Ok(())
+        fn append(&mut self, pieces: &mut [IoSlice<'_>]) -> io::Result<()> {
+            for piece in pieces {
+                let here = self.file.metadata()?.len();
+                let fits = (self.room - here).min(piece.len() as u64) as usize;
+                self.file.append(&mut [IoSlice::new(&piece[..fits])])?;
+                if fits < piece.len() {
+                    return Err(io::ErrorKind::StorageFull.into());
+                }
             }
+            Ok(())
         }
 
         fn allocate(&mut self, range: Range<u64>) -> io::Result<()> {
