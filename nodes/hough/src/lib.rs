@@ -20,13 +20,15 @@ pub use settings::{Settings, Weight};
 
 use messages::{CurvesView, Edge, Entry, Size, Table, TablesRoom};
 
-/// The least a vote counts, in means of the view: a straight curve keeps a table that can be matched.
+/// The least a vote by magnitude or curvature counts, in means of the view: a straight curve keeps a table that can be
+/// matched.
 pub const LEAST_WEIGHT: f32 = 1.0 / 16.0;
 
 /// What there is to say about a view besides its tables.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tabulated {
-    /// Points that were passed over: outside the image, not a number, or claimed by a curve but not there.
+    /// Points that were passed over (outside the image or not numbers) and curves whose tables stay empty (their
+    /// points do not exist or their centroid is no number).
     pub skipped: usize,
 }
 
@@ -36,7 +38,7 @@ pub struct Tabulator {
     settings: Settings,
     /// What each curve point's vote counts.
     weights: Vec<f32>,
-    /// Sort keys: the value to sort by above, the point's index below.
+    /// What is sorted: a value above, a point's index below.
     keys: Vec<u64>,
 }
 
@@ -62,87 +64,91 @@ impl Tabulator {
         room.entries.clear();
         room.rows.clear();
         room.order.clear();
-        let skipped = self.index_rows(curves.points, size, room);
+        let mut skipped = self.index_rows(curves.points, size, room);
         self.weigh(curves, size);
-        let mut missing = 0;
         for curve in curves.curves {
-            let end = curve.first as usize + curve.count as usize;
-            let sound = end <= curves.points.len() && curve.x.is_finite() && curve.y.is_finite();
-            missing += if sound { 0 } else { curve.count as usize };
-            let range = if sound { curve.range() } else { 0..0 };
-
-            self.keys.clear();
-            for point in range {
-                if is_sound(&curves.points[point], size) {
-                    self.keys.push(key(curves.points[point].orientation, point));
-                }
-            }
-            self.keys.sort_unstable();
-
-            let first = room.entries.len();
-            let mut weight = 0.0;
-            for &key in &self.keys {
-                let point = key as u32;
-                let e = &curves.points[point as usize];
-                let entry = Entry {
-                    orientation: e.orientation,
-                    rx: curve.x - e.x,
-                    ry: curve.y - e.y,
-                    weight: self.weights[point as usize],
-                    point,
-                };
-                weight += entry.weight;
-                room.entries.push(entry);
-            }
-            room.tables.push(Table {
+            let mut table = Table {
                 curve: curve.label,
-                first: first as u32,
-                count: (room.entries.len() - first) as u32,
+                first: room.entries.len() as u32,
                 x: curve.x,
                 y: curve.y,
-                weight,
-            });
+                ..Table::default()
+            };
+            match curves.points.get(curve.range()) {
+                Some(points) if curve.x.is_finite() && curve.y.is_finite() => {
+                    self.keys.clear();
+                    for (i, point) in (curve.first..)
+                        .zip(points)
+                        .filter(|(_, point)| is_sound(point, size))
+                    {
+                        self.keys.push(key(point.orientation, i));
+                    }
+                    self.keys.sort_unstable();
+                    self.enter(curves.points, &mut table, room);
+                }
+                _ => skipped += 1,
+            }
+            room.tables.push(table);
         }
-        Tabulated {
-            skipped: skipped + missing,
-        }
+        Tabulated { skipped }
     }
 
-    /// Sorts all points by row and column; gives the number of points passed over.
+    /// Writes the entries of one table, in the order of the keys.
+    fn enter(&self, points: &[Edge], table: &mut Table, room: &mut TablesRoom<'_>) {
+        let slots = room.entries.grow(self.keys.len());
+        for (slot, &key) in slots.iter_mut().zip(&self.keys) {
+            let index = key as u32 as usize;
+            let point = &points[index];
+            *slot = Entry {
+                orientation: point.orientation,
+                rx: table.x - point.x,
+                ry: table.y - point.y,
+                weight: self.weights[index],
+                point: index as u32,
+            };
+            table.weight += slot.weight;
+        }
+        table.count = slots.len() as u32;
+    }
+
+    /// Sorts all points by row, then column; gives the number of those passed over.
     fn index_rows(&mut self, points: &[Edge], size: Size, room: &mut TablesRoom<'_>) -> usize {
-        let rows = room.rows.grow(size.height as usize + 1);
-        rows.fill(0);
+        let starts = room.rows.grow(size.height as usize + 1);
+        starts.fill(0);
+        if starts.is_empty() {
+            return points.len();
+        }
+        // A room for smaller images has fewer rows; what lies below them is passed over.
+        let size = Size::new(size.width, starts.len() as u32 - 1);
+        let mut indexed = 0;
+        for point in points.iter().filter(|point| is_sound(point, size)) {
+            starts[point.y as usize + 1] += 1;
+            indexed += 1;
+        }
+        for row in 1..starts.len() {
+            starts[row] += starts[row - 1];
+        }
         self.keys.clear();
-        for point in points {
-            if is_sound(point, size) {
-                if let Some(count) = rows.get_mut(point.y as usize + 1) {
-                    *count += 1;
-                }
-                self.keys.push(0);
-            }
+        self.keys.resize(indexed, 0);
+        for (i, point) in (0..).zip(points).filter(|(_, point)| is_sound(point, size)) {
+            let next = &mut starts[point.y as usize];
+            self.keys[*next as usize] = key(point.x, i);
+            *next += 1;
         }
-        for row in 1..rows.len() {
-            rows[row] += rows[row - 1];
-        }
-        let placed = self.keys.len();
-        let skipped = points.len() - placed;
-        // Place each point at the next free key of its row; afterwards each start has moved to its row's end.
-        for (i, point) in points.iter().enumerate() {
-            if is_sound(point, size) {
-                let next = &mut rows[point.y as usize];
-                self.keys[*next as usize] = key(point.x, i);
-                *next += 1;
-            }
-        }
-        rows.copy_within(..size.height as usize, 1);
-        rows[0] = 0;
-        for row in rows.windows(2) {
+        // Every start has moved to its row's end, which is the next row's start.
+        starts.copy_within(..starts.len() - 1, 1);
+        starts[0] = 0;
+        for row in starts.windows(2) {
             self.keys[row[0] as usize..row[1] as usize].sort_unstable();
         }
-        for &key in &self.keys {
-            room.order.push(key as u32);
+        let order = room.order.grow(indexed);
+        for (slot, &key) in order.iter_mut().zip(&self.keys) {
+            *slot = key as u32;
         }
-        skipped
+        for start in starts {
+            *start = (*start).min(order.len() as u32);
+        }
+        points.len() - indexed
     }
 
     /// Finds what every point's vote counts.
@@ -151,27 +157,26 @@ impl Tabulator {
         self.weights.resize(curves.points.len(), 1.0);
         let constant = match self.settings.weight {
             Weight::Unity => return,
-            Weight::Magnitude => {
-                self.weigh_by_magnitude(curves.points, size);
-                0.0
-            }
-            Weight::Combined => {
-                self.weigh_by_magnitude(curves.points, size);
-                self.settings.constant
-            }
-            Weight::Curvature => {
-                self.weights.fill(0.0);
-                for curve in curves.curves {
-                    if let Some(weights) = self.weights.get_mut(curve.range()) {
-                        curvatures(&curves.points[curve.range()], weights);
-                    }
-                }
-                0.0
-            }
+            Weight::Combined => self.settings.constant,
+            Weight::Magnitude | Weight::Curvature => 0.0,
         };
+        if self.settings.weight == Weight::Curvature {
+            for curve in curves.curves {
+                if let (Some(points), Some(weights)) = (
+                    curves.points.get(curve.range()),
+                    self.weights.get_mut(curve.range()),
+                ) {
+                    curvatures(points, weights);
+                }
+            }
+        } else {
+            for (weight, point) in self.weights.iter_mut().zip(curves.points) {
+                *weight = point.magnitude;
+            }
+        }
         let (mut sum, mut count) = (0.0, 0.0);
-        for weight in &self.weights {
-            if weight.is_finite() {
+        for (weight, point) in self.weights.iter().zip(curves.points) {
+            if is_sound(point, size) && weight.is_finite() {
                 sum += f64::from(*weight);
                 count += 1.0;
             }
@@ -181,28 +186,18 @@ impl Tabulator {
             *weight = constant + (*weight * scale).max(LEAST_WEIGHT);
         }
     }
-
-    fn weigh_by_magnitude(&mut self, points: &[Edge], size: Size) {
-        for (weight, point) in self.weights.iter_mut().zip(points) {
-            *weight = if is_sound(point, size) {
-                point.magnitude
-            } else {
-                0.0
-            };
-        }
-    }
 }
 
 /// A key that sorts by value, then by index.
-fn key(value: f32, index: usize) -> u64 {
+fn key(value: f32, index: u32) -> u64 {
     // Floats sort like their bits, once those of negative ones are turned around.
     let bits = value.to_bits();
     let sortable = if bits >> 31 == 1 {
         !bits
     } else {
-        bits | 1 << 31
+        bits | (1 << 31)
     };
-    u64::from(sortable) << 32 | index as u64
+    (u64::from(sortable) << 32) | u64::from(index)
 }
 
 /// Whether a point lies inside the image and is made of numbers.

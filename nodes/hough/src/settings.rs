@@ -11,18 +11,20 @@ pub enum Weight {
     Unity,
     /// Its gradient magnitude, in means of the view: favours short prominent parts.
     Magnitude,
-    /// A constant plus its magnitude.
+    /// A constant plus its gradient magnitude in means of the view.
     Combined,
-    /// The curvature there, in means of the view: favours corners.
+    /// The curvature of its curve there, in means of the view: favours corners.
     Curvature,
 }
 
 messages::settings! {
     /// How curves become R-tables.
     pub struct Settings {
-        /// What the vote of a point counts: `unity`, `magnitude`, `combined` or `curvature`.
+        /// What the vote of a point counts: `unity` (the thesis's choice, favours long visible perimeter), `magnitude`
+        /// (favours short prominent parts), `combined` (a constant plus magnitude) or `curvature` (favours corners).
+        /// Magnitude and curvature are in means of the view.
         pub weight: Weight = Weight::Unity;
-        /// The constant of `combined`; at 1 the constant and the mean magnitude count the same.
+        /// The constant of `combined`; with 1 it counts as much as the mean magnitude.
         pub constant: f32 = 1.0, in 0.0..=1000.0;
     }
 }

@@ -18,7 +18,7 @@ mod settings;
 mod threshold;
 
 pub use settings::Settings;
-pub use threshold::{HIGH_OVER_LOW, Histogram, MOST_STEP, Thresholds};
+pub use threshold::{HIGH_OVER_LOW, Histogram, LEAST_LOW, MOST_LOW, Thresholds};
 
 use link::{Links, Way};
 use messages::{Curve, CurvesRoom, Edge, EdgesView, NONE, Size};
@@ -32,32 +32,47 @@ pub struct Tracked {
     pub skipped: usize,
 }
 
-/// The finest of the usual channels, in square pixels: taken for granted until [`Tracker::set_variance`] says else.
-pub const FINE_VARIANCE: f32 = 1.5;
+/// Every how many edges one is looked at for the automatic thresholds.
+const SAMPLE: usize = 8;
+
+/// Where a node of the links comes from.
+#[derive(Clone, Copy, Debug)]
+struct Source {
+    /// Its index among the edges.
+    edge: u32,
+    /// Whether it reaches HIGH.
+    strong: bool,
+}
 
 /// A chain of links.
 #[derive(Clone, Copy, Debug)]
 struct Chain {
-    first: u32,
-    count: u32,
-    /// Another chain of the same group, or itself; chains that touch are one group.
+    /// Where its nodes start in the list of all chains' nodes.
+    start: u32,
+    /// Where they end.
+    end: u32,
+    /// Another chain of its group, or itself; chains that touch are one group.
     group: u32,
-    /// Whether a point of it (for a group's head: of the group) exceeds HIGH.
+    /// Whether a point of it (for a group's head: of the group) reaches HIGH.
     strong: bool,
+    /// The label of its curve, or [`NONE`].
     label: u32,
+    /// The nodes of other chains that its two ends would rather go on to, or [`NONE`]: before its start, after its end.
+    touches: [u32; 2],
 }
 
 /// Turns edges into curves; keeps the scratch memory from frame to frame.
 #[derive(Debug)]
 pub struct Tracker {
     settings: Settings,
-    variance: f32,
     links: Links,
-    /// Per node of the links its index among the edges.
-    edge_of: Vec<u32>,
+    /// Per node of the links where it comes from.
+    sources: Vec<Source>,
     /// Per node its chain, or [`NONE`].
     chain_of: Vec<u32>,
     chains: Vec<Chain>,
+    /// The nodes of all chains, each in order along its chain.
+    chained: Vec<u32>,
 }
 
 impl Tracker {
@@ -66,17 +81,12 @@ impl Tracker {
         let pixels = max.pixels();
         Self {
             settings: settings.clone(),
-            variance: FINE_VARIANCE,
             links: Links::new(max),
-            edge_of: Vec::with_capacity(pixels),
+            sources: Vec::with_capacity(pixels),
             chain_of: Vec::with_capacity(pixels),
             chains: Vec::with_capacity(pixels),
+            chained: Vec::with_capacity(pixels),
         }
-    }
-
-    /// Says which channel the next edges are of, by its σ² in square pixels: the automatic thresholds depend on it.
-    pub fn set_variance(&mut self, variance: f32) {
-        self.variance = variance;
     }
 
     /// Tracks the edges of an image of this size; the room is filled anew.
@@ -89,16 +99,19 @@ impl Tracker {
         room.curves.clear();
         room.points.clear();
         let mut magnitudes = Histogram::new();
-        for edge in edges.edges.iter().filter(|edge| is_sound(edge, size)) {
+        for edge in edges
+            .edges
+            .iter()
+            .step_by(SAMPLE)
+            .filter(|edge| is_sound(edge, size))
+        {
             magnitudes.add(edge.magnitude);
         }
-        let thresholds = Thresholds::new(&self.settings, &magnitudes, self.variance);
-        let skipped = self.take(edges.edges, size, thresholds.low);
-        self.links.link(
-            size.height,
-            self.settings.tolerance_degrees.to_radians().cos(),
-        );
-        self.find_chains(edges.edges, thresholds.high);
+        let thresholds = Thresholds::new(&self.settings, &magnitudes);
+        let skipped = self.take(edges.edges, size, thresholds);
+        let tolerance = self.settings.tolerance_degrees.to_radians();
+        self.links.link(tolerance.cos());
+        self.find_chains();
         self.group_chains();
         self.number_chains();
         for chain in &self.chains {
@@ -113,30 +126,35 @@ impl Tracker {
     }
 
     /// Takes the edges that reach LOW; gives the number of those passed over.
-    fn take(&mut self, edges: &[Edge], size: Size, low: f32) -> usize {
+    fn take(&mut self, edges: &[Edge], size: Size, thresholds: Thresholds) -> usize {
         self.links.clear();
-        self.edge_of.clear();
-        let (mut skipped, mut next_pixel) = (0, 0);
+        self.sources.clear();
+        // The first pixel in raster order that the next edge can have.
+        let (mut skipped, mut row, mut next_column) = (0, 0, 0);
         for (i, edge) in (0u32..).zip(edges) {
-            let pixel = edge.y as usize * size.width as usize + edge.x as usize;
-            if !is_sound(edge, size) || pixel < next_pixel {
+            let (x, y) = (edge.x as u32, edge.y as u32);
+            if !is_sound(edge, size) || y < row || (y == row && x < next_column) {
                 skipped += 1;
                 continue;
             }
-            next_pixel = pixel + 1;
-            if edge.magnitude >= low {
-                self.links.add(edge.x, edge.y, edge.orientation);
-                self.edge_of.push(i);
+            (row, next_column) = (y, x + 1);
+            if edge.magnitude >= thresholds.low {
+                self.links.add(edge);
+                self.sources.push(Source {
+                    edge: i,
+                    strong: edge.magnitude >= thresholds.high,
+                });
             }
         }
         skipped
     }
 
     /// Cuts the links into chains, in raster order of their topmost points; a ring starts at its topmost point.
-    fn find_chains(&mut self, edges: &[Edge], high: f32) {
+    fn find_chains(&mut self) {
         self.chains.clear();
+        self.chained.clear();
         self.chain_of.clear();
-        self.chain_of.resize(self.links.len() as usize, NONE);
+        self.chain_of.resize(self.sources.len(), NONE);
         for topmost in 0..self.links.len() {
             if self.chain_of[topmost as usize] != NONE {
                 continue;
@@ -152,45 +170,58 @@ impl Tracker {
                     break;
                 }
             }
-            let label = self.chains.len() as u32;
-            let (mut node, mut count, mut strong) = (first, 0, false);
+            let chain = self.chains.len() as u32;
+            let start = self.chained.len() as u32;
+            let (mut node, mut strong) = (first, false);
             while node != NONE && self.chain_of[node as usize] == NONE {
-                self.chain_of[node as usize] = label;
-                strong |= edges[self.edge_of[node as usize] as usize].magnitude >= high;
-                count += 1;
+                self.chain_of[node as usize] = chain;
+                self.chained.push(node);
+                strong |= self.sources[node as usize].strong;
                 node = self.links.linked(node, Way::Ahead);
             }
+            let end = self.chained.len() as u32;
             self.chains.push(Chain {
-                first,
-                count,
-                group: label,
+                start,
+                end,
+                group: chain,
                 strong,
                 label: NONE,
+                touches: [NONE; 2],
             });
         }
     }
 
-    /// The node of another chain that a chain's end touches on this way, if any.
-    fn touched(&self, end: u32, way: Way) -> Option<u32> {
-        let node = self.links.preferred(end, way);
-        let free = self.links.linked(end, way) == NONE;
-        (free && node != NONE && self.chain_of[node as usize] != self.chain_of[end as usize])
-            .then_some(node)
+    fn nodes_of(&self, chain: &Chain) -> &[u32] {
+        &self.chained[chain.start as usize..chain.end as usize]
     }
 
-    /// Puts chains that touch into one group, which is strong if one of them is.
+    /// Finds where chains touch and puts those into one group, which is strong if one of them is.
     fn group_chains(&mut self) {
-        for node in 0..self.links.len() {
-            for way in Way::BOTH {
-                if let Some(other) = self.touched(node, way) {
-                    let a = self.head_of_group(self.chain_of[node as usize]);
-                    let b = self.head_of_group(self.chain_of[other as usize]);
-                    let (head, member) = (a.min(b), a.max(b));
-                    self.chains[head as usize].strong |= self.chains[member as usize].strong;
-                    self.chains[member as usize].group = head;
+        for chain in 0..self.chains.len() {
+            let nodes = self.nodes_of(&self.chains[chain]);
+            let ends = [
+                (nodes[0], Way::Behind),
+                (nodes[nodes.len() - 1], Way::Ahead),
+            ];
+            for (side, (end, way)) in ends.into_iter().enumerate() {
+                let node = self.links.preferred(end, way);
+                if node == NONE || self.links.linked(end, way) != NONE {
+                    continue;
+                }
+                let other = self.chain_of[node as usize];
+                if other as usize != chain {
+                    self.chains[chain].touches[side] = node;
+                    self.join_groups(chain as u32, other);
                 }
             }
         }
+    }
+
+    fn join_groups(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.head_of_group(a), self.head_of_group(b));
+        let (head, member) = (a.min(b), a.max(b));
+        self.chains[head as usize].strong |= self.chains[member as usize].strong;
+        self.chains[member as usize].group = head;
     }
 
     fn head_of_group(&mut self, mut chain: u32) -> u32 {
@@ -202,60 +233,53 @@ impl Tracker {
         chain
     }
 
-    /// Gives labels to the chains that stay.
+    /// Gives labels to the chains that stay: long enough, in a group that is strong.
     fn number_chains(&mut self) {
         let mut labels = 0;
         for chain in 0..self.chains.len() as u32 {
             let head = self.head_of_group(chain);
-            let long = self.chains[chain as usize].count as usize >= self.settings.min_points;
-            if long && self.chains[head as usize].strong {
+            let Chain { start, end, .. } = self.chains[chain as usize];
+            let is_long = (end - start) as usize >= self.settings.min_points;
+            if is_long && self.chains[head as usize].strong {
                 self.chains[chain as usize].label = labels;
                 labels += 1;
             }
         }
     }
 
+    /// Writes a chain's curve: its points and, at one end, a copy of the point where it touches its parent.
     fn publish(&self, chain: &Chain, edges: &[Edge], room: &mut CurvesRoom<'_>) {
-        let edge = |node: u32| edges[self.edge_of[node as usize] as usize];
-        let kept = |&node: &u32| self.chains[self.chain_of[node as usize] as usize].label != NONE;
-        let mut last = chain.first;
-        for _ in 1..chain.count {
-            last = self.links.linked(last, Way::Ahead);
-        }
-        let before = self.touched(chain.first, Way::Behind).filter(kept);
-        let after = if before.is_none() {
-            self.touched(last, Way::Ahead).filter(kept)
-        } else {
-            None
+        let edge = |node: u32| edges[self.sources[node as usize].edge as usize];
+        let label_of = |node: u32| match node {
+            NONE => NONE,
+            node => self.chains[self.chain_of[node as usize] as usize].label,
         };
-        let parent = before.or(after).map_or(NONE, |node| {
-            self.chains[self.chain_of[node as usize] as usize].label
-        });
+        let parents = chain.touches.map(label_of);
+        let before = parents[0] != NONE;
+        let after = !before && parents[1] != NONE;
 
+        let nodes = self.nodes_of(chain);
         let first = room.points.len();
-        let (mut node, own) = (chain.first, chain.count as usize);
-        let (ahead_of_own, behind_own) =
-            (usize::from(before.is_some()), usize::from(after.is_some()));
-        let slots = room.points.grow(ahead_of_own + own + behind_own);
-        for (i, slot) in slots.iter_mut().enumerate() {
-            *slot = match (before, after) {
-                (Some(shared), _) if i == 0 => edge(shared),
-                (_, Some(shared)) if i == own => edge(shared),
-                _ => {
-                    let current = node;
-                    node = self.links.linked(node, Way::Ahead);
-                    edge(current)
-                }
-            };
-        }
-        if slots.is_empty() {
+        let slots = room.points.grow(nodes.len() + usize::from(before || after));
+        let count = slots.len();
+        if count == 0 {
             return;
+        }
+        let (shared, own) = slots.split_at_mut(usize::from(before));
+        for (slot, &node) in own.iter_mut().zip(nodes) {
+            *slot = edge(node);
+        }
+        if let [slot] = shared {
+            *slot = edge(chain.touches[0]);
+        }
+        if let (true, Some(slot)) = (after, own.get_mut(nodes.len())) {
+            *slot = edge(chain.touches[1]);
         }
         let mut curve = Curve {
             label: chain.label,
             first: first as u32,
-            count: slots.len() as u32,
-            parent,
+            count: count as u32,
+            parent: if before { parents[0] } else { parents[1] },
             ..Curve::default()
         };
         summarize(&mut curve, slots);
@@ -276,13 +300,14 @@ fn summarize(curve: &mut Curve, points: &[Edge]) {
         magnitude += f64::from(point.magnitude);
     }
     for pair in points.windows(2) {
-        length += (pair[1].x - pair[0].x).hypot(pair[1].y - pair[0].y);
+        let (dx, dy) = (pair[1].x - pair[0].x, pair[1].y - pair[0].y);
+        length += f64::from(dx * dx + dy * dy).sqrt();
     }
     let count = points.len() as f64;
     curve.x = (x / count) as f32;
     curve.y = (y / count) as f32;
     curve.magnitude = (magnitude / count) as f32;
-    curve.length = length;
+    curve.length = length as f32;
 }
 
 /// Whether an edge lies inside the image and is made of numbers.
@@ -290,6 +315,6 @@ fn is_sound(edge: &Edge, size: Size) -> bool {
     let inside = |place: f32, len: u32| place >= 0.0 && place <= len as f32 - 1.0;
     inside(edge.x, size.width)
         && inside(edge.y, size.height)
-        && edge.orientation.is_finite()
+        && edge.orientation.abs() <= std::f32::consts::PI
         && (0.0..f32::INFINITY).contains(&edge.magnitude)
 }

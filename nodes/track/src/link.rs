@@ -7,13 +7,17 @@
 //! still is an end looks once more, among ends only. Links are thus paths and rings without branches; where a
 //! preference is not returned, curves branch or merge.
 
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::Range;
 
-use messages::NONE;
+use messages::{Edge, NONE};
 
 /// Zero-crossings further apart than this many pixels are no neighbours. A contour crosses each cell between four
 /// pixels once; where a pixel had two crossings and kept one, successive crossings span two cells: √(2² + 1²).
-pub(crate) const REACH: f32 = 2.2361;
+const REACH: f32 = 1.5;
+
+/// Ends further apart than this many pixels stay ends.
+const REACH_OF_ENDS: f32 = 2.9;
 
 /// A neighbour may lie this far across the direction of travel, as a share of its way along …
 const SLOPE: f32 = 2.0;
@@ -35,138 +39,108 @@ struct Node {
 /// Ahead and behind, the two ways along a contour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
-    Ahead,
-    Behind,
+    Ahead = 0,
+    Behind = 1,
 }
 
-impl Way {
-    pub(crate) const BOTH: [Self; 2] = [Self::Ahead, Self::Behind];
+const AHEAD: usize = Way::Ahead as usize;
+const BEHIND: usize = Way::Behind as usize;
 
-    const fn back(self) -> Self {
-        match self {
-            Self::Ahead => Self::Behind,
-            Self::Behind => Self::Ahead,
-        }
-    }
-}
-
-/// A neighbour and what going there costs.
+/// A neighbour and what going there costs, as one number that is less for a better choice: the cost's bits above (it
+/// is not negative, so they sort like it), the node below.
 #[derive(Clone, Copy, Debug)]
-struct Choice {
-    node: u32,
-    cost: f32,
-}
+struct Choice(u64);
 
 impl Choice {
-    const NOBODY: Self = Self {
-        node: NONE,
-        cost: f32::INFINITY,
-    };
+    const NOBODY: Self = Self(((f32::INFINITY.to_bits() as u64) << 32) | NONE as u64);
 
-    /// Takes a cheaper offer; of equal ones the first.
-    fn offer(&mut self, node: u32, cost: f32) {
-        if cost < self.cost {
-            *self = Self { node, cost };
-        }
+    /// The node, or [`NONE`].
+    const fn node(self) -> u32 {
+        self.0 as u32
+    }
+
+    /// Takes an offer that is better; one that costs not a number never is.
+    fn offer(&mut self, node: usize, cost: f32) {
+        self.0 = self.0.min((u64::from(cost.to_bits()) << 32) | node as u64);
     }
 }
 
 /// The zero-crossings of a frame and their links.
 #[derive(Debug)]
 pub(crate) struct Links {
-    /// In raster order.
-    nodes: Vec<Node>,
-    /// Where each row's nodes start, and where the last ends.
-    rows: Vec<u32>,
-    /// Per node its preferred neighbours, ahead and behind.
-    preferred: Vec<[Choice; 2]>,
-    /// The same, among ends only.
-    preferred_ends: Vec<[Choice; 2]>,
+    all: Field,
+    /// What is an end after the first round.
+    ends: Field,
+    /// Per end its node.
+    node_of: Vec<u32>,
     /// Per node the neighbours it is linked to, ahead and behind, or [`NONE`].
     linked: Vec<[u32; 2]>,
 }
 
 impl Links {
     pub(crate) fn new(max: messages::Size) -> Self {
-        let pixels = max.pixels();
         Self {
-            nodes: Vec::with_capacity(pixels),
-            rows: Vec::with_capacity(max.height as usize + 1),
-            preferred: Vec::with_capacity(pixels),
-            preferred_ends: Vec::with_capacity(pixels),
-            linked: Vec::with_capacity(pixels),
+            all: Field::new(max),
+            ends: Field::new(max),
+            node_of: Vec::with_capacity(max.pixels()),
+            linked: Vec::with_capacity(max.pixels()),
         }
     }
 
     /// Forgets the last frame.
     pub(crate) fn clear(&mut self) {
-        self.nodes.clear();
-        self.rows.clear();
-        self.rows.push(0);
+        self.all.clear();
     }
 
     /// The number of zero-crossings.
     pub(crate) fn len(&self) -> u32 {
-        self.nodes.len() as u32
+        self.all.nodes.len() as u32
     }
 
     /// Adds a zero-crossing; they come in raster order.
-    pub(crate) fn add(&mut self, x: f32, y: f32, orientation: f32) {
-        self.end_rows_before(y as usize);
-        let (sin, cos) = orientation.sin_cos();
-        self.nodes.push(Node { x, y, cos, sin });
+    pub(crate) fn add(&mut self, edge: &Edge) {
+        let turned = edge.orientation + FRAC_PI_2;
+        self.all.add(Node {
+            x: edge.x,
+            y: edge.y,
+            cos: sine(if turned > PI { turned - TAU } else { turned }),
+            sin: sine(edge.orientation),
+        });
     }
 
-    fn end_rows_before(&mut self, row: usize) {
-        while self.rows.len() <= row {
-            self.rows.push(self.len());
-        }
-    }
-
-    /// Links all zero-crossings of an image of this height whose orientations differ by less than the angle of this
-    /// cosine.
-    pub(crate) fn link(&mut self, height: u32, cos_tolerance: f32) {
-        self.end_rows_before(height as usize);
-        for choices in [&mut self.preferred, &mut self.preferred_ends] {
-            choices.clear();
-            choices.resize(self.nodes.len(), [Choice::NOBODY; 2]);
-        }
+    /// Links all zero-crossings whose orientations differ by at most the angle of this cosine.
+    pub(crate) fn link(&mut self, cos_tolerance: f32) {
         self.linked.clear();
-        self.linked.resize(self.nodes.len(), [NONE; 2]);
-
-        let nodes = &self.nodes;
-        let preferred = &mut self.preferred;
-        meet(nodes, &self.rows, |i, j| {
-            if let Some((way, cost)) =
-                neighbours(&nodes[i as usize], &nodes[j as usize], cos_tolerance)
-            {
-                preferred[i as usize][way as usize].offer(j, cost);
-                preferred[j as usize][way.back() as usize].offer(i, cost);
-            }
+        self.linked.resize(self.all.nodes.len(), [NONE; 2]);
+        self.all.prefer(REACH, cos_tolerance, |_, _, _| true);
+        self.all.tie(|behind, ahead| {
+            self.linked[behind as usize][AHEAD] = ahead;
+            self.linked[ahead as usize][BEHIND] = behind;
         });
-        tie(&self.preferred, &mut self.linked);
 
-        let (linked, preferred) = (&self.linked, &mut self.preferred_ends);
-        meet(nodes, &self.rows, |i, j| {
-            let (a, b) = (linked[i as usize], linked[j as usize]);
-            let open = |way: Way| a[way as usize] == NONE && b[way.back() as usize] == NONE;
-            if !open(Way::Ahead) && !open(Way::Behind) {
-                return;
+        self.ends.clear();
+        self.node_of.clear();
+        for ((i, node), linked) in (0u32..).zip(&self.all.nodes).zip(&self.linked) {
+            if linked.contains(&NONE) {
+                self.ends.add(*node);
+                self.node_of.push(i);
             }
-            match neighbours(&nodes[i as usize], &nodes[j as usize], cos_tolerance) {
-                Some((way, cost)) if open(way) => {
-                    preferred[i as usize][way as usize].offer(j, cost);
-                    preferred[j as usize][way.back() as usize].offer(i, cost);
-                }
-                _ => {}
-            }
+        }
+        let (node_of, linked) = (&self.node_of, &mut self.linked);
+        let is_open = |end: usize, way: usize| linked[node_of[end] as usize][way] == NONE;
+        self.ends.prefer(REACH_OF_ENDS, cos_tolerance, |i, j, way| {
+            is_open(i, way) && is_open(j, 1 - way)
         });
-        tie(&self.preferred_ends, &mut self.linked);
+        self.ends.tie(|behind, ahead| {
+            let [behind, ahead] = [behind, ahead].map(|end| node_of[end as usize]);
+            linked[behind as usize][AHEAD] = ahead;
+            linked[ahead as usize][BEHIND] = behind;
+        });
     }
 
     /// The neighbour a node prefers, linked or not, or [`NONE`].
     pub(crate) fn preferred(&self, node: u32, way: Way) -> u32 {
-        self.preferred[node as usize][way as usize].node
+        self.all.preferred[node as usize][way as usize].node()
     }
 
     /// The neighbour a node is linked to, or [`NONE`].
@@ -175,67 +149,120 @@ impl Links {
     }
 }
 
-/// Links the nodes that prefer each other.
-fn tie(preferred: &[[Choice; 2]], linked: &mut [[u32; 2]]) {
-    for (node, choices) in (0u32..).zip(preferred) {
-        let ahead = choices[Way::Ahead as usize].node;
-        if ahead != NONE && preferred[ahead as usize][Way::Behind as usize].node == node {
-            linked[node as usize][Way::Ahead as usize] = ahead;
-            linked[ahead as usize][Way::Behind as usize] = node;
-        }
-    }
+/// Zero-crossings that choose among each other.
+#[derive(Debug)]
+struct Field {
+    /// In raster order.
+    nodes: Vec<Node>,
+    /// Where each row's nodes start; the last row has not ended.
+    rows: Vec<u32>,
+    /// Per node its preferred neighbours, ahead and behind.
+    preferred: Vec<[Choice; 2]>,
 }
 
-/// Calls `pair` once for any two nodes that may be within reach: in one row, or one or two rows apart. In raster order
-/// of the first, then the second, which is the lower one or the right one.
-fn meet(nodes: &[Node], rows: &[u32], mut pair: impl FnMut(u32, u32)) {
-    let row = |y: usize| match rows.get(y..y + 2) {
-        Some(ends) => ends[0] as usize..ends[1] as usize,
-        None => 0..0,
-    };
-    for y in 0..rows.len() {
-        let (here, mut below, mut far_below) = (row(y), row(y + 1), row(y + 2));
-        for i in here.clone() {
-            let x = nodes[i].x;
-            let mut side = |window: Range<usize>| {
-                for j in window {
-                    if nodes[j].x > x + REACH {
-                        break;
+impl Field {
+    fn new(max: messages::Size) -> Self {
+        Self {
+            nodes: Vec::with_capacity(max.pixels()),
+            rows: Vec::with_capacity(max.height as usize + 3),
+            preferred: Vec::with_capacity(max.pixels()),
+        }
+    }
+
+    fn clear(&mut self) {
+        self.nodes.clear();
+        self.rows.clear();
+    }
+
+    fn add(&mut self, node: Node) {
+        let row = node.y as usize;
+        while self.rows.len() <= row {
+            self.rows.push(self.nodes.len() as u32);
+        }
+        self.nodes.push(node);
+    }
+
+    /// Finds every node's preferred neighbours within reach, of those pairs and ways that are allowed. Each pair is
+    /// met once, from its upper (in a row, left) node.
+    fn prefer(
+        &mut self,
+        reach: f32,
+        cos_tolerance: f32,
+        allowed: impl Fn(usize, usize, usize) -> bool,
+    ) {
+        // Three empty rows below the last, for the windows to end in.
+        self.rows.extend([self.nodes.len() as u32; 3]);
+        self.preferred.clear();
+        self.preferred.resize(self.nodes.len(), [Choice::NOBODY; 2]);
+        for row in self.rows.windows(4) {
+            let [start, end, end_below, end_far_below] = [0, 1, 2, 3].map(|k| row[k] as usize);
+            let (mut below, mut far_below) = (end, end_below);
+            for i in start..end {
+                let a = self.nodes[i];
+                let mut meet = |window: Range<usize>| {
+                    for (j, b) in window.clone().zip(&self.nodes[window]) {
+                        if b.x > a.x + reach {
+                            break;
+                        }
+                        let (along, cost) = step(&a, b, reach, cos_tolerance);
+                        let way = if along > 0.0 { AHEAD } else { BEHIND };
+                        let cost = if allowed(i, j, way) { cost } else { f32::NAN };
+                        self.preferred[i][way].offer(j, cost);
+                        self.preferred[j][1 - way].offer(i, cost);
                     }
-                    pair(i as u32, j as u32);
+                };
+                meet(i + 1..end);
+                while below < end_below && self.nodes[below].x < a.x - reach {
+                    below += 1;
                 }
-            };
-            side(i + 1..here.end);
-            for window in [&mut below, &mut far_below] {
-                while window.start < window.end && nodes[window.start].x < x - REACH {
-                    window.start += 1;
+                meet(below..end_below);
+                if reach > 2.0 {
+                    while far_below < end_far_below && self.nodes[far_below].x < a.x - reach {
+                        far_below += 1;
+                    }
+                    meet(far_below..end_far_below);
                 }
-                side(window.clone());
+            }
+        }
+    }
+
+    /// Calls `link` with the nodes that prefer each other, the one behind and the one ahead.
+    fn tie(&self, mut link: impl FnMut(u32, u32)) {
+        for (behind, [choice, _]) in (0u32..).zip(&self.preferred) {
+            let ahead = choice.node();
+            if ahead != NONE && self.preferred[ahead as usize][BEHIND].node() == behind {
+                link(behind, ahead);
             }
         }
     }
 }
 
-/// Whether b is a neighbour of a; if so, which way it lies and what it costs, the same seen from either.
-fn neighbours(a: &Node, b: &Node, cos_tolerance: f32) -> Option<(Way, f32)> {
+/// The sine of an angle from −π to π, within 0.0012, a twentieth of a degree: two parabolas, and their squares to mend
+/// them.
+fn sine(angle: f32) -> f32 {
+    let parabola = (4.0 / PI) * angle - (4.0 / (PI * PI)) * angle * angle.abs();
+    parabola + 0.225 * (parabola * parabola.abs() - parabola)
+}
+
+/// How far b is along the way from a, and what going there costs, the same seen from either and not a number when
+/// they are no neighbours. Written without branches, for none of them could be foretold, and without roots: the common
+/// direction of travel is left as long as it comes, twice a unit where the orientations are the same.
+fn step(a: &Node, b: &Node, reach: f32, cos_tolerance: f32) -> (f32, f32) {
     let (dx, dy) = (b.x - a.x, b.y - a.y);
     let distance2 = dx * dx + dy * dy;
     let cos = a.cos * b.cos + a.sin * b.sin;
-    if distance2 > REACH * REACH || cos < cos_tolerance {
-        return None;
-    }
-    // The common direction of travel, not of unit length: the sum of both gradients, a quarter turn on.
+    // The sum of both gradients, a quarter turn on.
     let (tx, ty) = (-(a.sin + b.sin), a.cos + b.cos);
-    let norm2 = tx * tx + ty * ty;
-    if norm2 == 0.0 {
-        return None;
-    }
-    let along = (dx * tx + dy * ty) / norm2.sqrt();
-    let across2 = distance2 - along * along;
-    let allowed = SLOPE * along.abs() + SLACK;
-    if across2 > allowed * allowed {
-        return None;
-    }
-    let way = if along > 0.0 { Way::Ahead } else { Way::Behind };
-    Some((way, distance2 + across2.max(0.0)))
+    let along = 0.5 * (dx * tx + dy * ty);
+    let across = 0.5 * (dx * ty - dy * tx);
+    let near = (distance2 <= reach * reach) & (across.abs() <= SLOPE * along.abs() + SLACK);
+    let holds = near & (cos >= cos_tolerance);
+    (
+        along,
+        if holds {
+            distance2 + across * across
+        } else {
+            f32::NAN
+        },
+    )
 }

@@ -4,11 +4,10 @@ messages::settings! {
     /// How zero-crossings become curves.
     pub struct Settings {
         /// Magnitude every curve exceeds somewhere, in the filter's units (gray levels per pixel); by default
-        /// automatic, three times the automatic `low`.
+        /// automatic, twice the automatic `low`.
         pub high: Option<f32> = None, in 0..=255;
         /// Magnitude every point of a curve exceeds, in the filter's units (gray levels per pixel); by default
-        /// automatic: three times the noise as far as it can be told, at most a step of 1.5 gray levels seen at the
-        /// channel's scale.
+        /// automatic: three times the noise as far as it can be told, but 0.25 to 0.5.
         pub low: Option<f32> = None, in 0..=255;
         /// Factor on the automatic thresholds: more than 1 gives fewer and surer curves, for noisy cameras.
         pub strictness: f32 = 1.0, in 0.0..=100.0;
