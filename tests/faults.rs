@@ -162,13 +162,20 @@ fn a_full_disk_ends_the_run_and_what_was_written_stays_readable() {
 fn clean_sweeps_up_after_a_run_whose_processes_were_all_killed() {
     let world = World::new();
     let mut child = start(&world, "100000");
-    for (_, pid) in world.nodes() {
-        signal(pid, "STOP");
+    let nodes = world.nodes();
+    assert_eq!(nodes.len(), 6);
+    for (_, pid) in &nodes {
+        signal(*pid, "STOP");
     }
+    // A process that was told to stop stops soon, not at once.
+    let state = |pid: u32| std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    wait_until("they have stopped", || {
+        nodes.iter().all(|(_, pid)| state(*pid).contains(") T "))
+    });
     signal(child.id(), "KILL");
     child.wait().unwrap();
-    for (_, pid) in world.nodes() {
-        signal(pid, "KILL");
+    for (_, pid) in &nodes {
+        signal(*pid, "KILL");
     }
     wait_until("the nodes are gone", || world.nodes().is_empty());
     assert!(!world.leftovers().is_empty());
