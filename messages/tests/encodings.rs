@@ -809,7 +809,7 @@ fn foxglove_reads_curves_drawn_over_the_image_and_the_picture() {
         points: &[],
     };
     let disparity = [1.0, f32::NAN, 2.0];
-    let span = Span::of(&disparity);
+    let span = Span::of(disparity.into_iter());
 
     let mut bytes = Vec::new();
     views.annotations(

@@ -26,7 +26,11 @@ impl Finder {
         if self.by_pixel.len() < size.pixels() {
             self.by_pixel.resize(size.pixels(), 0);
         }
-        let pixel = |edge: &Edge| edge.y as usize * size.width as usize + edge.x as usize;
+        // In 32 bits the conversion is quick; what lies outside finds no pixel.
+        let pixel = |edge: &Edge| {
+            let (x, y) = (i64::from(edge.x as i32), i64::from(edge.y as i32));
+            (y * i64::from(size.width) + x) as usize
+        };
         for (index, edge) in (0..).zip(edges) {
             if let Some(slot) = self.by_pixel.get_mut(pixel(edge)) {
                 *slot = index;
@@ -72,10 +76,15 @@ pub(super) fn entries_follow(view: TablesView<'_>, curves: CurvesView<'_>) -> bo
         && view.tables.iter().all(|table| {
             let entries = rest.split_off(..table.count as usize).unwrap_or_default();
             entries.iter().all(|entry| {
-                let point = curves.points.get(entry.point as usize);
-                let said = point.map(|point| entry_of(table.x, table.y, point, entry));
-                let words = |entry: &Entry| bytemuck::cast::<Entry, [u32; 5]>(*entry);
-                said.is_some_and(|said| words(&said) == words(entry))
+                curves
+                    .points
+                    .get(entry.point as usize)
+                    .is_some_and(|point| {
+                        let said = entry_of(table.x, table.y, point, entry);
+                        said.orientation.to_bits() == entry.orientation.to_bits()
+                            && said.rx.to_bits() == entry.rx.to_bits()
+                            && said.ry.to_bits() == entry.ry.to_bits()
+                    })
             })
         })
 }
@@ -95,28 +104,20 @@ pub(super) fn order_follows(view: TablesView<'_>, points: &[Edge]) -> bool {
     let [first, .., last] = view.rows else {
         return false;
     };
-    let rises = |row: u32, before: u32, after: u32| match (
-        points.get(before as usize),
-        points.get(after as usize),
-    ) {
-        (Some(a), Some(b)) => {
-            a.y.floor() == row as f32
-                && b.y.floor() == row as f32
-                && (a.x < b.x || a.x == b.x && before < after)
-        }
-        _ => false,
-    };
     let is_row = |(row, bounds): (u32, &[u32])| {
         let indices = view
             .order
             .get(bounds[0] as usize..bounds[1] as usize)
             .unwrap_or_default();
-        let alone = indices.first().is_none_or(|&index| {
-            points
-                .get(index as usize)
-                .is_some_and(|point| point.y.floor() == row as f32 && !point.x.is_nan())
-        });
-        alone && indices.windows(2).all(|pair| rises(row, pair[0], pair[1]))
+        let mut before = (f32::NEG_INFINITY, 0);
+        indices.iter().all(|&index| {
+            points.get(index as usize).is_some_and(|point| {
+                let here = (point.x, index);
+                let rises = row_of(point) == row && before < here;
+                before = here;
+                rises
+            })
+        })
     };
     *first == 0
         && *last as usize == view.order.len()
@@ -125,14 +126,19 @@ pub(super) fn order_follows(view: TablesView<'_>, points: &[Edge]) -> bool {
         && (0..).zip(view.rows.windows(2)).all(is_row)
 }
 
-/// The indices of all points, row by row, each row from left to right: `rows` says where the rows begin and end.
-/// `None` when the rows are not those of the points.
+/// The row a point belongs to: of two rows the upper.
+fn row_of(point: &Edge) -> u32 {
+    point.y as u32
+}
+
+/// The indices of all points, row by row, each row from left to right, of equal ones the lower index first: `rows`
+/// says where the rows begin and end. `None` when the rows are not those of the points.
 pub(super) fn order(rows: &[u32], points: &[Edge], order: &mut Vec<u32>) -> Option<()> {
     order.clear();
     order.resize(points.len(), 0);
     let mut next = rows.to_vec();
     for (index, point) in (0..).zip(points) {
-        let row = point.y as usize;
+        let row = row_of(point) as usize;
         let slot = next.get_mut(row)?;
         if *slot >= *rows.get(row + 1)? {
             return None;
@@ -140,14 +146,61 @@ pub(super) fn order(rows: &[u32], points: &[Edge], order: &mut Vec<u32>) -> Opti
         *order.get_mut(*slot as usize)? = index;
         *slot += 1;
     }
+    // Adding zero makes one of the two zeros.
+    let x = |index: u32| points[index as usize].x + 0.0;
     for bounds in rows.windows(2) {
         let row = order.get_mut(bounds[0] as usize..bounds[1] as usize)?;
-        row.sort_by(|&a, &b| {
-            points[a as usize]
-                .x
-                .total_cmp(&points[b as usize].x)
-                .then(a.cmp(&b))
-        });
+        row.sort_unstable_by(|&a, &b| x(a).total_cmp(&x(b)).then(a.cmp(&b)));
     }
     Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f32, y: f32) -> Edge {
+        Edge {
+            x,
+            y,
+            ..Edge::default()
+        }
+    }
+
+    #[test]
+    fn an_order_that_is_said_to_follow_is_the_one_that_is_made() {
+        let points = [
+            at(3.0, 0.5),
+            at(0.0, 0.0),
+            at(-0.0, 0.9),
+            at(1.0, 2.0),
+            at(0.5, 2.7),
+        ];
+        let rows = [0, 3, 3, 5];
+        let mut made = Vec::new();
+        assert_eq!(order(&rows, &points, &mut made), Some(()));
+        // The two zeros are equal: the lower index comes first.
+        assert_eq!(made, [1, 2, 0, 4, 3]);
+        let follows = |order: &[u32], points: &[Edge]| {
+            order_follows(
+                TablesView {
+                    tables: &[],
+                    entries: &[],
+                    rows: &rows,
+                    order,
+                },
+                points,
+            )
+        };
+        assert!(follows(&made, &points));
+        assert!(!follows(&[2, 1, 0, 4, 3], &points));
+        assert!(!follows(&[1, 2, 0, 3, 4], &points));
+        assert!(!follows(&[1, 2, 4, 0, 3], &points));
+        assert!(!follows(&[1, 1, 0, 4, 3], &points));
+        let mut strange = points;
+        strange[3].x = f32::NAN;
+        assert!(!follows(&made, &strange));
+        assert!(order(&rows, &strange, &mut made).is_some());
+        assert!(order(&[0, 1, 3, 5], &points, &mut made).is_none());
+    }
 }

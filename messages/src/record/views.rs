@@ -27,7 +27,7 @@ impl Colours {
         let step = |i: usize| {
             let t = i as f64 / 255.0;
             let hue = (300.0 - 200.0 * t).to_radians();
-            let lightness = 0.42 + 0.5 * t;
+            let lightness = 0.5 + 0.44 * t;
             // The strongest chroma that the display still shows.
             let shades = (0..=32).rev().map(|c| 0.18 * f64::from(c) / 32.0);
             shades
@@ -77,18 +77,20 @@ pub struct Span {
 }
 
 impl Span {
-    /// The span of a picture's known values.
-    pub fn of(disparities: &[f32]) -> Option<Self> {
-        let known = || disparities.iter().copied().filter(|d| d.is_finite());
-        let (least, most) = known().fold((f32::INFINITY, f32::NEG_INFINITY), |(least, most), d| {
-            (least.min(d), most.max(d))
-        });
+    /// The span of these disparities; unknown ones are passed over.
+    pub fn of(disparities: impl Iterator<Item = f32> + Clone) -> Option<Self> {
+        let known = disparities.filter(|d| d.is_finite());
+        let (least, most) = known
+            .clone()
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(least, most), d| {
+                (least.min(d), most.max(d))
+            });
         if least > most {
             return None;
         }
         let full = Self { least, most };
         let mut counts = [0u32; 256];
-        known().for_each(|d| counts[(full.share(d) * 255.0) as usize & 255] += 1);
+        known.for_each(|d| counts[(full.share(d) * 255.0) as usize & 255] += 1);
         let outermost = counts.iter().sum::<u32>() / 100;
         let mut steps = counts.iter().enumerate();
         let low = beyond(&mut steps, outermost);
@@ -424,13 +426,16 @@ mod tests {
     fn a_stray_disparity_does_not_decide_the_colours() {
         let mut disparities: Vec<f32> = (0..1000).map(|i| 10.0 + i as f32 / 100.0).collect();
         disparities.extend([500.0, f32::NAN, f32::INFINITY]);
-        let span = Span::of(&disparities);
+        let span = Span::of(disparities.iter().copied());
         assert!(
             span.is_some_and(|s| s.least < 11.0 && s.most < 25.0),
             "{span:?}"
         );
-        assert_eq!(Span::of(&[f32::NAN]), None);
-        assert_eq!(Span::of(&[7.0; 4]).map(|s| s.share(7.0)), Some(0.5));
+        assert_eq!(Span::of([f32::NAN].into_iter()), None);
+        assert_eq!(
+            Span::of([7.0; 4].into_iter()).map(|s| s.share(7.0)),
+            Some(0.5)
+        );
     }
 
     #[test]
@@ -438,7 +443,7 @@ mod tests {
         let mut out = vec![9];
         paint(
             &Colours::new(),
-            Span::of(&[1.0, 2.0]),
+            Span::of([1.0, 2.0].into_iter()),
             &[1.0, f32::NAN, 2.0],
             &mut out,
         );

@@ -152,7 +152,13 @@ impl Encoder {
             Some((header, AnyView::Disparity(picture))) => Some((*header, *picture)),
             _ => None,
         };
-        let span = picture.and_then(|(_, picture)| Span::of(picture.disparity));
+        // What the picture shows are the points: there are fewer of them than pixels.
+        let span = match find(Kind::Points, none, none) {
+            Some((_, AnyView::Points(points))) => {
+                Span::of(points.points.iter().map(|p| p.disparity))
+            }
+            _ => None,
+        };
         let matches = match find(Kind::Matches, none, finest) {
             Some((_, AnyView::Matches(matches))) => span.map(|span| (*matches, span)),
             _ => None,

@@ -448,21 +448,35 @@ impl Chunk {
 /// Channel, sequence and the two times in front of every message.
 pub(crate) const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
-/// The scan of a chunk's first message, without decompressing more than its beginning.
+/// The scan of a chunk's first message, without reading more of the chunk than its beginning.
 pub(crate) fn first_sequence(
     file: &mut File,
     index: &records::ChunkIndex,
 ) -> Result<Option<u32>, McapError> {
-    let mut sequence = None;
-    visit(file, index, |opcode, body| {
-        if opcode != op::MESSAGE {
-            return Ok(ControlFlow::Continue(()));
+    file.seek(SeekFrom::Start(index.compressed_data_offset()?))?;
+    let packed = file.take(index.compressed_size);
+    let mut records: Box<dyn Read> = match index.compression.as_str() {
+        "" => Box::new(packed),
+        "lz4" => Box::new(lz4::Decoder::new(packed)?),
+        "zstd" => Box::new(zstd::Decoder::new(packed)?),
+        other => return Err(McapError::UnsupportedCompression(other.to_owned())),
+    };
+    let mut rest = index.uncompressed_size;
+    while rest >= RECORD_HEAD {
+        let mut head = [0; RECORD_HEAD as usize];
+        records.read_exact(&mut head)?;
+        let [opcode, length @ ..] = head;
+        if opcode == op::MESSAGE {
+            let mut message = [0; MESSAGE_HEAD];
+            records.read_exact(&mut message)?;
+            let header = MessageHeader::read_le(&mut io::Cursor::new(message))?;
+            return Ok(Some(header.sequence));
         }
-        let header: MessageHeader = BinRead::read_le(&mut io::Cursor::new(body))?;
-        sequence = Some(header.sequence);
-        Ok(ControlFlow::Break(()))
-    })?;
-    Ok(sequence)
+        let length = u64::from_le_bytes(length);
+        io::copy(&mut records.by_ref().take(length), &mut io::sink())?;
+        rest = rest.saturating_sub(RECORD_HEAD).saturating_sub(length);
+    }
+    Ok(None)
 }
 
 /// Shows all records of a chunk, and checks it when all were seen.

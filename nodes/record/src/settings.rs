@@ -23,8 +23,9 @@ messages::settings! {
         pub file: String = String::new();
         /// Whether a recording that is there already is overwritten, with all its parts.
         pub overwrite: bool = false;
-        /// `none`, `lz4` or `zstd`. Lists of sub-pixel places hardly shrink: lz4 saves 15 to 25 % of the bytes and doubles
-        /// the recorder's work (measured on rendered scenes).
+        /// `none`, `lz4` or `zstd`. Lists of sub-pixel places hardly shrink: of a rendered scene's 13.8 MB lz4 saves 17 %
+        /// and zstd 32 %, for three and six times the writer's work; where lz4 saves less than an eighth of a chunk, the
+        /// chunk is written as it is.
         pub compression: Compression = Compression::None;
         /// Bytes after which a scan goes on in a new chunk: viewers that show images alone then read no more.
         pub chunk_bytes: u64 = 1_048_576, in 65_536..=1_073_741_824;

@@ -213,6 +213,11 @@ fn disparity(
         }
     }
     let mut bytes = Vec::new();
-    paint(&Colours::new(), Span::of(&picture), &picture, &mut bytes);
+    paint(
+        &Colours::new(),
+        Span::of(picture.iter().copied()),
+        &picture,
+        &mut bytes,
+    );
     Ok(Picture::rgb(size, bytes))
 }
