@@ -36,7 +36,7 @@ mod spectrum;
 use messages::{EdgesRoom, ImageView, Size};
 
 pub use crossings::NEARLY_HORIZONTAL;
-pub use settings::{Scaling, Settings};
+pub use settings::{Interpolation, Scaling, Settings};
 
 use crossings::{Crossings, View};
 use gray::Gray;
@@ -47,6 +47,8 @@ use spectrum::{Kernel, Spectrum};
 pub struct Filter {
     scaling: Scaling,
     floor: f32,
+    /// How far at most the curvature of ∇²G may move a zero-crossing, in pixels.
+    correction: f32,
     /// For each channel the σ² of the Gaussian before Sobel's operator.
     smoothings: Vec<f32>,
     /// ∇²G of each channel, then the Gaussian of each that has one.
@@ -84,6 +86,7 @@ impl Filter {
         Self {
             scaling: settings.scaling,
             floor: settings.floor,
+            correction: settings.interpolation.correction(),
             smoothings,
             spectrum: Spectrum::new(kernels.clone(), max),
             kernels,
@@ -129,6 +132,7 @@ impl Filter {
             filtered: &self.filtered,
             smoothed: &self.smoothed,
             gray: &self.gray,
+            correction: self.correction,
             scale,
             floor: self.floor,
         };

@@ -36,13 +36,12 @@ impl Picture {
         &self.values[start - 1..start + self.width + AFTER]
     }
 
-    /// The pixels from row `y` on to the end of the row below, and how far rows are apart.
-    pub(crate) fn from(&self, y: usize) -> (&[f32], usize) {
-        let start = (y + ABOVE) * self.stride + LEFT;
-        (
-            &self.values[start..start + self.stride + self.width],
-            self.stride,
-        )
+    /// The values from row `y` − 1 to row `y` + 2 with their margins, where among them the first pixel of row `y` is,
+    /// and how far rows are apart.
+    pub(crate) fn around(&self, y: usize) -> (&[f32], usize, usize) {
+        let rows =
+            &self.values[(y + ABOVE - 1) * self.stride..(y + ABOVE + AFTER + 1) * self.stride];
+        (rows, self.stride + LEFT, self.stride)
     }
 
     /// The pixels of row `y`.
@@ -124,8 +123,8 @@ mod tests {
         picture.resize(size);
         for y in (0..3).step_by(2) {
             let (first, second) = picture.pair_mut(y);
-            for x in 0..5 {
-                first[x] = (10 * y + x) as f32;
+            for (x, value) in first.iter_mut().enumerate() {
+                *value = (10 * y + x) as f32;
             }
             for (x, value) in second.into_iter().flatten().enumerate() {
                 *value = (10 * (y + 1) + x) as f32;

@@ -272,7 +272,7 @@ impl Spectrum {
         self.values.grow(columns);
         self.work
             .grow(columns.max(width * (size.height as usize).div_ceil(2)));
-        self.lines.grow((width + GROUP) * GROUP / 2);
+        self.lines.grow(((width + GROUP) * GROUP / 2).max(plan.padded.height as usize));
         if self.scratch.len() < plan.scratch() {
             self.scratch.resize(plan.scratch(), Complex::default());
         }
@@ -327,22 +327,21 @@ impl Spectrum {
         let stride = plan.stride();
 
         let values = self.values.as_mut(weights.columns * stride);
-        let columns = self.work.as_mut(weights.columns * stride);
-        for (kx, (from, to)) in values
-            .chunks_exact(stride)
-            .zip(columns.chunks_exact_mut(stride))
-            .enumerate()
-        {
-            let to = &mut to[..padded_height];
-            weigh(from, weights, kx, to);
+        let tile = weights.columns * GROUP;
+        let tiles = self.work.as_mut(weights.columns * height.next_multiple_of(GROUP));
+        let column = self.lines.as_mut(padded_height);
+        for (kx, from) in values.chunks_exact(stride).enumerate() {
+            weigh(from, weights, kx, column);
             plan.columns_inverse
-                .process_with_scratch(to, &mut self.scratch);
+                .process_with_scratch(column, &mut self.scratch);
+            scatter(column, kx, tiles, tile);
         }
 
         picture.resize(plan.size);
-        for row in (0..height).step_by(GROUP) {
+        for (group, tile) in tiles.chunks_exact(tile).enumerate() {
+            let row = group * GROUP;
             let lines = self.lines.as_mut((padded_width + GROUP) * GROUP / 2);
-            conjoin(columns, stride, row, lines, padded_width);
+            conjoin(tile, lines, padded_width);
             let rows = (row..height.min(row + GROUP)).step_by(2);
             for (y, line) in rows.zip(lines.chunks_exact_mut(padded_width + GROUP)) {
                 let line = &mut line[..padded_width];
@@ -413,28 +412,49 @@ fn weigh(column: &[Complex<f32>], weights: &Weights, kx: usize, weighed: &mut [C
 /// Joins the rows from `first` on of the columns, two by two, into lines of `width` that become real and imaginary
 /// part.
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn conjoin(
-    columns: &[Complex<f32>],
-    stride: usize,
-    first: usize,
-    lines: &mut [Complex<f32>],
-    width: usize,
-) {
-    let count = columns.len() / stride;
+fn conjoin(tile: &[Complex<f32>], lines: &mut [Complex<f32>], width: usize) {
+    let columns = tile.as_chunks::<GROUP>().0;
     for line in lines.chunks_exact_mut(width + GROUP) {
-        line[count..width.max(count)].fill(Complex::default());
+        line[columns.len()..width].fill(Complex::default());
     }
-    for (kx, column) in columns.chunks_exact(stride).enumerate() {
-        let Some(rows) = column[first..].first_chunk::<GROUP>() else {
-            continue;
-        };
-        for (line, [p, q]) in lines
-            .chunks_exact_mut(width + GROUP)
-            .zip(rows.as_chunks().0)
-        {
-            line[kx] = Complex::new(p.re - q.im, p.im + q.re);
-            // That of frequency 0 falls behind the line.
-            line[width - kx] = Complex::new(p.re + q.im, q.re - p.im);
+    let (several, single) = columns.as_chunks::<SIDE>();
+    for (i, columns) in several.iter().enumerate() {
+        let kx = i * SIDE;
+        for (pair, line) in lines.chunks_exact_mut(width + GROUP).enumerate() {
+            let mut ahead = [Complex::default(); SIDE];
+            let mut behind = [Complex::default(); SIDE];
+            for i in 0..SIDE {
+                let rows = columns[i].as_chunks().0;
+                [ahead[i], behind[SIDE - 1 - i]] = conjoined(rows[pair % (GROUP / 2)]);
+            }
+            line[kx..kx + SIDE].copy_from_slice(&ahead);
+            line[width + 1 - kx - SIDE..=width - kx].copy_from_slice(&behind);
+        }
+    }
+    for (i, column) in single.iter().enumerate() {
+        let kx = several.len() * SIDE + i;
+        for (line, &pair) in lines.chunks_exact_mut(width + GROUP).zip(column.as_chunks().0) {
+            [line[kx], line[width - kx]] = conjoined(pair);
+        }
+    }
+}
+
+/// A value of two joined rows at a frequency and at its negative.
+#[inline(always)]
+fn conjoined([p, q]: [Complex<f32>; 2]) -> [Complex<f32>; 2] {
+    [
+        Complex::new(p.re - q.im, p.im + q.re),
+        Complex::new(p.re + q.im, q.re - p.im),
+    ]
+}
+
+const SIDE: usize = 4;
+
+#[multiversion(targets("x86_64+avx2+fma"))]
+fn scatter(column: &[Complex<f32>], kx: usize, tiles: &mut [Complex<f32>], tile: usize) {
+    for (tile, rows) in tiles.chunks_exact_mut(tile).zip(column.as_chunks::<GROUP>().0) {
+        if let Some(to) = tile.as_chunks_mut::<GROUP>().0.get_mut(kx) {
+            *to = *rows;
         }
     }
 }
@@ -447,5 +467,56 @@ fn split(line: &[Complex<f32>], first: &mut [f32], second: &mut [f32]) {
     }
     for (im, z) in second.iter_mut().zip(line) {
         *im = z.im;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fast_lengths_are_even_products_of_2_3_and_5_and_never_shrink() {
+        let mut before = 0;
+        for n in 1..5000 {
+            let fast = fast_length(n);
+            let rest = [2, 3, 5].into_iter().fold(fast, |mut rest, p| {
+                while rest.is_multiple_of(p) {
+                    rest /= p;
+                }
+                rest
+            });
+            assert!(
+                fast >= n && fast < 2 * n + 2 && fast.is_multiple_of(2) && rest == 1,
+                "{fast} for {n}"
+            );
+            // Room made for the largest image must do for every smaller one.
+            assert!(fast >= before, "{fast} for {n}, {before} for one less");
+            before = fast;
+        }
+    }
+
+    #[test]
+    fn what_a_kernel_drops_is_negligible_and_what_it_keeps_is_not() {
+        for kernel in [0.5, 1.5, 8.0, 30.0, 400.0]
+            .into_iter()
+            .flat_map(|v| [Kernel::Laplacian(v), Kernel::Gaussian(v)])
+        {
+            let weight = |k: usize| {
+                let w2 = angular(k, 576).powi(2);
+                let gaussian = (-0.5 * kernel.variance() * w2).exp();
+                if matches!(kernel, Kernel::Gaussian(_)) {
+                    gaussian
+                } else {
+                    w2 * gaussian
+                }
+            };
+            let largest = (0..=288).map(weight).fold(0.0, f64::max);
+            let reach = kernel.reach(576);
+            assert!(
+                (reach..=288).all(|k| weight(k) < 2e-6 * largest),
+                "{kernel:?}"
+            );
+            assert!(weight(reach - 1) > 0.5e-6 * largest, "{kernel:?}");
+        }
     }
 }

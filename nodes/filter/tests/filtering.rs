@@ -1,5 +1,4 @@
 //! ∇²G against its definition.
-#![expect(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
 mod pictures;
 
