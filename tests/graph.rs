@@ -159,8 +159,9 @@ fn of_ten_thousand_points_of_the_rendered_scenes_at_most_one_is_off_by_over_two_
         }
         counts[scan] += 1;
     }
+    let all: usize = counts.iter().sum();
     assert!(
-        wrong.is_empty(),
+        10_000 * wrong.len() <= all,
         "{} of {counts:?}: {wrong:#?}",
         wrong.len()
     );
