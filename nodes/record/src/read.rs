@@ -303,7 +303,7 @@ impl Recording {
         records
             .filter(|(_, record)| record.name == LEDGER)
             .filter_map(|(_, r)| ledger(r))
-            .last()
+            .next_back()
     }
 
     /// The scans it holds, in order.
