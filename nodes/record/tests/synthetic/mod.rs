@@ -109,7 +109,7 @@ impl Scan {
                     head(view, channel),
                     |room: &mut messages::EdgesRoom<'_>| {
                         let mut all = rings.concat();
-                        all.sort_by(|a, b| (a.y, a.x).partial_cmp(&(b.y, b.x)).unwrap());
+                        all.sort_by(|a, b| a.y.total_cmp(&b.y).then(a.x.total_cmp(&b.x)));
                         room.edges.extend_from_slice(&all);
                     },
                 ));
@@ -328,9 +328,7 @@ fn tables(curves: messages::CurvesView<'_>, size: Size, room: &mut messages::Tab
     let mut order: Vec<u32> = (0..curves.points.len() as u32).collect();
     let key = |p: &u32| curves.points[*p as usize];
     order.sort_by(|a, b| {
-        (key(a).y.floor(), key(a).x)
-            .partial_cmp(&(key(b).y.floor(), key(b).x))
-            .unwrap()
+        key(a).y.floor().total_cmp(&key(b).y.floor()).then(key(a).x.total_cmp(&key(b).x))
     });
     for row in 0..=size.height {
         let before = order
