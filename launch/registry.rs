@@ -9,6 +9,9 @@ use serde_json::Value;
 
 use crate::cli::Profile;
 
+/// Is a node, with its settings.
+type Be = fn(&mut Bus, &Value, &Start) -> Result<(), Box<dyn Error>>;
+
 /// A kind of node.
 #[derive(Debug)]
 pub(crate) struct NodeType {
@@ -29,7 +32,7 @@ pub(crate) struct NodeType {
     /// Checks settings: types and ranges.
     pub(crate) check: fn(&Value) -> Result<(), String>,
     /// Is the node, until it shall stop.
-    pub(crate) run: fn(&mut Bus, &Value, &Start) -> Result<(), Box<dyn Error>>,
+    pub(crate) run: Be,
 }
 
 /// A line of the registry.

@@ -199,10 +199,10 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                 .flat_map(|out| BufReader::new(out).lines())
                 .map_while(Result::ok)
             {
-                if let Ok(event) = serde_json::from_str(&line) {
-                    if teller.send(News::Event(place, life, event)).is_err() {
-                        return;
-                    }
+                if let Ok(event) = serde_json::from_str(&line)
+                    && teller.send(News::Event(place, life, event)).is_err()
+                {
+                    return;
                 }
             }
             teller.send(News::Gone(place, life)).unwrap_or_default();

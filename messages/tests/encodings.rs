@@ -323,6 +323,7 @@ fn related(random: &mut Random, size: Size) -> (Owned<Edges>, Owned<Curves>, Own
 }
 
 /// Encodes the three beside each other, and reads curves and tables back.
+#[expect(clippy::type_complexity, reason = "said once, here")]
 fn through(
     edges: &Owned<Edges>,
     curves: &Owned<Curves>,

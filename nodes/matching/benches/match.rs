@@ -1,8 +1,4 @@
 //! How long the match stage takes for three views in three channels.
-#![expect(
-    missing_docs,
-    reason = "criterion's macros make undocumented functions"
-)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use matching::{ChannelView, Matcher, Settings};

@@ -47,7 +47,10 @@ fn csv_has_a_line_a_point_with_numbers_that_come_back_exactly() {
         csv: Some(path.clone()),
         ..Export::default()
     };
-    assert_eq!(export(&mut recording, &wanted).unwrap(), std::slice::from_ref(&path));
+    assert_eq!(
+        export(&mut recording, &wanted).unwrap(),
+        std::slice::from_ref(&path)
+    );
     let text = fs::read_to_string(&path).unwrap();
     let mut lines = text.lines();
     assert_eq!(

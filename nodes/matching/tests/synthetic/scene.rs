@@ -8,28 +8,28 @@ use messages::{
 
 /// The curves of one view.
 #[derive(Default)]
-pub struct View {
-    pub curves: Vec<Curve>,
-    pub points: Vec<Edge>,
+pub(crate) struct View {
+    pub(crate) curves: Vec<Curve>,
+    pub(crate) points: Vec<Edge>,
 }
 
 /// Three views.
-pub struct Scene {
-    pub views: [View; 3],
+pub(crate) struct Scene {
+    pub(crate) views: [View; 3],
     /// Whether the tables have an index of rows.
-    pub rows: bool,
+    pub(crate) rows: bool,
 }
 
 /// What came out.
-pub struct Found {
-    pub matches: Vec<Match>,
-    pub match_points: Vec<MatchPoint>,
-    pub points: Vec<Point>,
-    pub disparity: Vec<f32>,
+pub(crate) struct Found {
+    pub(crate) matches: Vec<Match>,
+    pub(crate) match_points: Vec<MatchPoint>,
+    pub(crate) points: Vec<Point>,
+    pub(crate) disparity: Vec<f32>,
 }
 
 /// A number that looks random, from 0 to 1, the same for the same seed.
-pub fn chance(seed: u32) -> f32 {
+pub(crate) fn chance(seed: u32) -> f32 {
     let mut z = (seed as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -37,7 +37,7 @@ pub fn chance(seed: u32) -> f32 {
 }
 
 /// A curve that runs down, one point a row, with gray levels of its own that change slowly along it.
-pub fn wavy(x: f32, row: usize, rows: usize, seed: u32) -> Vec<Edge> {
+pub(crate) fn wavy(x: f32, row: usize, rows: usize, seed: u32) -> Vec<Edge> {
     let (phase, wave) = (6.3 * chance(seed), 0.05 + 0.1 * chance(seed + 1000));
     let point = |i: usize| {
         let angle = phase + wave * i as f32;
@@ -65,7 +65,7 @@ impl Default for Scene {
 }
 
 impl View {
-    pub fn push(&mut self, points: &[Edge]) {
+    pub(crate) fn push(&mut self, points: &[Edge]) {
         let count = points.len() as f32;
         let mean = |of: fn(&Edge) -> f32| points.iter().map(of).sum::<f32>() / count;
         self.curves.push(Curve {
@@ -84,7 +84,7 @@ impl View {
 
 impl Scene {
     /// Adds a curve to all three views, moved by the disparity of each row.
-    pub fn add(&mut self, points: &[Edge], disparity: impl Fn(f32) -> f32) {
+    pub(crate) fn add(&mut self, points: &[Edge], disparity: impl Fn(f32) -> f32) {
         for (steps, view) in self.views.iter_mut().enumerate() {
             let moved = |e: &Edge| Edge {
                 x: e.x - steps as f32 * disparity(e.y),
@@ -94,12 +94,12 @@ impl Scene {
         }
     }
 
-    pub fn run(&self, matcher: &mut Matcher, size: Size) -> Found {
+    pub(crate) fn run(&self, matcher: &mut Matcher, size: Size) -> Found {
         run_channels(&[self], matcher, size)
     }
 
     /// The messages the matcher would receive.
-    pub fn messages(&self, size: Size) -> Vec<(Owned<Curves>, Owned<Tables>)> {
+    pub(crate) fn messages(&self, size: Size) -> Vec<(Owned<Curves>, Owned<Tables>)> {
         let mut tabulator = hough::Tabulator::new(&hough::Settings::default(), size);
         let messages = |view: &View| {
             let (mut curves, mut tables) = (Owned::<Curves>::new(size), Owned::<Tables>::new(size));
@@ -117,7 +117,7 @@ impl Scene {
     }
 }
 
-pub fn run_channels(channels: &[&Scene], matcher: &mut Matcher, size: Size) -> Found {
+pub(crate) fn run_channels(channels: &[&Scene], matcher: &mut Matcher, size: Size) -> Found {
     let messages: Vec<_> = channels.iter().map(|scene| scene.messages(size)).collect();
     let views: Vec<[ChannelView<'_>; 3]> = messages
         .iter()
@@ -154,7 +154,7 @@ pub fn run_channels(channels: &[&Scene], matcher: &mut Matcher, size: Size) -> F
 
 impl Found {
     /// The points of each curve of the reference view.
-    pub fn by_curve(&self, curves: usize) -> Vec<Vec<Point>> {
+    pub(crate) fn by_curve(&self, curves: usize) -> Vec<Vec<Point>> {
         let own = |curve: usize| {
             self.points
                 .iter()

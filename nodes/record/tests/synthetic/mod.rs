@@ -328,7 +328,11 @@ fn tables(curves: messages::CurvesView<'_>, size: Size, room: &mut messages::Tab
     let mut order: Vec<u32> = (0..curves.points.len() as u32).collect();
     let key = |p: &u32| curves.points[*p as usize];
     order.sort_by(|a, b| {
-        key(a).y.floor().total_cmp(&key(b).y.floor()).then(key(a).x.total_cmp(&key(b).x))
+        key(a)
+            .y
+            .floor()
+            .total_cmp(&key(b).y.floor())
+            .then(key(a).x.total_cmp(&key(b).x))
     });
     for row in 0..=size.height {
         let before = order
