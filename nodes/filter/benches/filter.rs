@@ -1,5 +1,4 @@
 //! What the filter costs: `cargo bench -p filter`.
-#![expect(missing_docs, reason = "criterion's macros")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use filter::{Filter, Settings};
