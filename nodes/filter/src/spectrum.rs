@@ -272,7 +272,8 @@ impl Spectrum {
         self.values.grow(columns);
         self.work
             .grow(columns.max(width * (size.height as usize).div_ceil(2)));
-        self.lines.grow(((width + GROUP) * GROUP / 2).max(plan.padded.height as usize));
+        self.lines
+            .grow(((width + GROUP) * GROUP / 2).max(plan.padded.height as usize));
         if self.scratch.len() < plan.scratch() {
             self.scratch.resize(plan.scratch(), Complex::default());
         }
@@ -328,7 +329,9 @@ impl Spectrum {
 
         let values = self.values.as_mut(weights.columns * stride);
         let tile = weights.columns * GROUP;
-        let tiles = self.work.as_mut(weights.columns * height.next_multiple_of(GROUP));
+        let tiles = self
+            .work
+            .as_mut(weights.columns * height.next_multiple_of(GROUP));
         let column = self.lines.as_mut(padded_height);
         for (kx, from) in values.chunks_exact(stride).enumerate() {
             weigh(from, weights, kx, column);
@@ -433,7 +436,10 @@ fn conjoin(tile: &[Complex<f32>], lines: &mut [Complex<f32>], width: usize) {
     }
     for (i, column) in single.iter().enumerate() {
         let kx = several.len() * SIDE + i;
-        for (line, &pair) in lines.chunks_exact_mut(width + GROUP).zip(column.as_chunks().0) {
+        for (line, &pair) in lines
+            .chunks_exact_mut(width + GROUP)
+            .zip(column.as_chunks().0)
+        {
             [line[kx], line[width - kx]] = conjoined(pair);
         }
     }
@@ -452,7 +458,10 @@ const SIDE: usize = 4;
 
 #[multiversion(targets("x86_64+avx2+fma"))]
 fn scatter(column: &[Complex<f32>], kx: usize, tiles: &mut [Complex<f32>], tile: usize) {
-    for (tile, rows) in tiles.chunks_exact_mut(tile).zip(column.as_chunks::<GROUP>().0) {
+    for (tile, rows) in tiles
+        .chunks_exact_mut(tile)
+        .zip(column.as_chunks::<GROUP>().0)
+    {
         if let Some(to) = tile.as_chunks_mut::<GROUP>().0.get_mut(kx) {
             *to = *rows;
         }
