@@ -394,6 +394,7 @@ mod tests {
     use messages::Size;
 
     use super::*;
+    use crate::smooth::Gaussian;
 
     /// The edges of a picture all of whose rows show these values of ∇²G.
     fn edges_of_rows(row: &[f32]) -> Vec<Edge> {
@@ -409,15 +410,15 @@ mod tests {
         let ramp: Vec<u8> = (0..size.pixels())
             .map(|i| (i % values[0].len() * 10) as u8)
             .collect();
-        let (mut filtered, mut smoothed, mut gray) =
-            (Picture::default(), Picture::default(), Gray::new(size));
-        filtered.show(&vec![0; size.pixels()], size);
+        let mut filtered = Picture::default();
+        filtered.resize(size);
         for (y, row) in values.iter().enumerate() {
             filtered.pair_mut(y).0.copy_from_slice(row);
         }
         filtered.mirror();
-        smoothed.show(&ramp, size);
-        smoothed.mirror();
+        let mut smoothed = Picture::default();
+        Gaussian::new(0.0, size).apply(&ramp, size, &mut smoothed);
+        let mut gray = Gray::new(size);
         gray.read(&ramp, size);
         let view = View {
             filtered: &filtered,

@@ -1,9 +1,9 @@
 //! Laplacian of Gaussian by FFT, zero-crossings, gradients.
 //!
 //! ```text
-//!         ┌─► spectrum ─┬─► × −|ω|²·exp(−σ²|ω|²/2) ─► zero-crossings ─┐
-//! image ──┤             └─► × exp(−(σ² − ½)|ω|²/2) ─► Sobel there ────┼─► edges of a channel
-//!         └─► averaged down the column ─► gray levels beside them ────┘
+//!         ┌─► spectrum ─► × −|ω|²·exp(−σ²|ω|²/2) ─► ∇²G ─► zero-crossings ─┐
+//! image ──┼─► smoothed ─────────────────────────────► Sobel's operator ────┼─► edges of a channel
+//!         └─► averaged down the column ──────────────► gray levels beside ─┘
 //! ```
 //!
 //! One view goes in at a time, one channel comes out at a time, so that the first channel is under way while the
@@ -31,6 +31,7 @@ mod gray;
 pub mod node;
 mod picture;
 pub mod settings;
+mod smooth;
 mod spectrum;
 
 use messages::{EdgesRoom, ImageView, Size};
@@ -41,7 +42,8 @@ pub use settings::{Interpolation, Scaling, Settings};
 use crossings::{Crossings, View};
 use gray::Gray;
 use picture::Picture;
-use spectrum::{Kernel, Spectrum};
+use smooth::Gaussian;
+use spectrum::Spectrum;
 
 /// Turns views into zero-crossings, one view at a time, channel by channel.
 pub struct Filter {
@@ -49,35 +51,27 @@ pub struct Filter {
     floor: f32,
     /// How far at most the curvature of ∇²G may move a zero-crossing, in pixels.
     correction: f32,
-    /// For each channel the σ² of the Gaussian before Sobel's operator.
-    smoothings: Vec<f32>,
-    /// ∇²G of each channel, then the Gaussian of each that has one.
-    kernels: Vec<Kernel>,
+    /// What precedes Sobel's operator: one Gaussian for all channels, or one for each.
+    smoothings: Vec<Gaussian>,
+    channels: usize,
     size: Size,
     gray: Gray,
     spectrum: Spectrum,
     filtered: Picture,
     smoothed: Picture,
-    /// The smoothing that `smoothed` shows of the current view, and what magnitudes there are multiplied by.
-    shown: Option<(f32, f32)>,
+    /// Which smoothing `smoothed` shows of the current view, and what magnitudes there are multiplied by.
+    shown: Option<(usize, f32)>,
     crossings: Crossings,
 }
 
 impl Filter {
     /// A filter with room for images up to `max`; the first image of a further size costs a plan for it.
     pub fn new(settings: &Settings, max: Size) -> Self {
-        let smoothing = |&variance: &f32| match settings.smoothing {
-            Some(sigma) => sigma * sigma,
-            None => (variance - SOBEL_VARIANCE).max(0.0),
+        let at_scale = |&variance: &f32| (variance - SOBEL_VARIANCE).max(0.0).sqrt();
+        let sigmas = match settings.smoothing {
+            Some(sigma) => vec![sigma],
+            None => settings.channels.iter().map(at_scale).collect(),
         };
-        let smoothings: Vec<f32> = settings.channels.iter().map(smoothing).collect();
-        let gaussians = smoothings
-            .iter()
-            .filter(|&&v| v > 0.0)
-            .map(|&v| Kernel::Gaussian(v));
-        let channels = settings.channels.iter().map(|&v| Kernel::Laplacian(v));
-        let mut kernels: Vec<_> = channels.chain(gaussians).collect();
-        kernels.dedup();
         let mut pictures = [Picture::default(), Picture::default()];
         pictures.iter_mut().for_each(|picture| picture.resize(max));
         let [filtered, smoothed] = pictures;
@@ -87,9 +81,12 @@ impl Filter {
             scaling: settings.scaling,
             floor: settings.floor,
             correction: settings.interpolation.correction(),
-            smoothings,
-            spectrum: Spectrum::new(kernels.clone(), max),
-            kernels,
+            smoothings: sigmas
+                .into_iter()
+                .map(|sigma| Gaussian::new(sigma, max))
+                .collect(),
+            channels: settings.channels.len(),
+            spectrum: Spectrum::new(&settings.channels, max),
             size: Size::default(),
             gray: Gray::new(max),
             filtered,
@@ -101,7 +98,7 @@ impl Filter {
 
     /// Number of channels.
     pub fn channels(&self) -> usize {
-        self.smoothings.len()
+        self.channels
     }
 
     /// Takes the next view and makes all that its channels share.
@@ -158,21 +155,13 @@ impl Filter {
     /// Makes the picture that Sobel's operator is applied to, unless it is there already, and says what magnitudes
     /// there are multiplied by.
     fn smooth(&mut self, channel: usize) -> f32 {
-        let variance = self.smoothings[channel];
+        let smoothing = channel.min(self.smoothings.len() - 1);
         if let Some((shown, scale)) = self.shown
-            && shown == variance
+            && shown == smoothing
         {
             return scale;
         }
-        match self
-            .kernels
-            .iter()
-            .position(|&k| k == Kernel::Gaussian(variance))
-        {
-            Some(kernel) => self.spectrum.apply(kernel, &mut self.smoothed),
-            None => self.smoothed.show(self.gray.pixels(), self.size),
-        }
-        self.smoothed.mirror();
+        self.smoothings[smoothing].apply(self.gray.pixels(), self.size, &mut self.smoothed);
         let scale = match self.scaling {
             Scaling::Absolute => 1.0,
             Scaling::Picture => {
@@ -182,7 +171,7 @@ impl Filter {
                 if largest > 0.0 { 255.0 / largest } else { 1.0 }
             }
         };
-        self.shown = Some((variance, scale));
+        self.shown = Some((smoothing, scale));
         scale
     }
 }

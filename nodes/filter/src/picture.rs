@@ -58,18 +58,6 @@ impl Picture {
         (&mut first[pixels], second)
     }
 
-    /// Shows an image as it is, without mirrored margins.
-    pub(crate) fn show(&mut self, pixels: &[u8], size: Size) {
-        self.resize(size);
-        let Self { width, stride, .. } = *self;
-        let rows = self.values.chunks_exact_mut(stride).skip(ABOVE);
-        for (row, pixels) in rows.zip(pixels.chunks_exact(width)) {
-            for (value, &pixel) in row[LEFT..].iter_mut().zip(pixels) {
-                *value = f32::from(pixel);
-            }
-        }
-    }
-
     /// Fills the margins with the image's reflection in its borders.
     pub(crate) fn mirror(&mut self) {
         let Self {
