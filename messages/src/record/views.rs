@@ -418,7 +418,7 @@ mod tests {
         let lights: Vec<f32> = (0..=255)
             .map(|i| light(colours.of(i as f32 / 255.0)))
             .collect();
-        assert!(lights.windows(17).all(|w| w[16] > w[0]), "{lights:?}");
+        assert!(lights.windows(33).all(|w| w[32] > w[0]), "{lights:?}");
         assert!(colours.steps.iter().all(|rgb| *rgb != Colours::UNKNOWN));
     }
 

@@ -8,12 +8,23 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 pub enum Compression {
     /// Not at all.
-    #[default]
     None,
-    /// Fast.
+    /// Fast: what hardly shrinks is left as it is.
+    #[default]
     Lz4,
     /// Small.
     Zstd,
+}
+
+impl Compression {
+    /// Its name in the file.
+    pub(crate) fn mcap_name(self) -> &'static str {
+        match self {
+            Self::None => "",
+            Self::Lz4 => "lz4",
+            Self::Zstd => "zstd",
+        }
+    }
 }
 
 messages::settings! {
@@ -23,10 +34,10 @@ messages::settings! {
         pub file: String = String::new();
         /// Whether a recording that is there already is overwritten, with all its parts.
         pub overwrite: bool = false;
-        /// `none`, `lz4` or `zstd`. Lists of sub-pixel places hardly shrink: of a rendered scene's 13.8 MB lz4 saves 17 %
-        /// and zstd 32 %, for three and six times the writer's work; where lz4 saves less than an eighth of a chunk, the
-        /// chunk is written as it is.
-        pub compression: Compression = Compression::None;
+        /// `none`, `lz4` or `zstd`. Lists of sub-pixel places hardly shrink: lz4 packs the blocks that it halves, as
+        /// pictures, and leaves the others as they are. Of a rendered scene's 13.8 MB that saves 7 %, zstd saves 32 %, and
+        /// the writer works 1.2 and 6 times as long as without (measured on /dev/shm).
+        pub compression: Compression = Compression::Lz4;
         /// Bytes after which a scan goes on in a new chunk: viewers that show images alone then read no more.
         pub chunk_bytes: u64 = 1_048_576, in 65_536..=1_073_741_824;
         /// Whether views for people are recorded too: curves over each image, the disparity picture in colours.

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use messages::ledger::{Account, Ledger};
 use messages::record::{Level, Statistics};
-use messages::{Curves, Kind, Points, Rig, Size, Topic};
+use messages::{Curves, Image, Kind, Points, Rig, Size, Topic};
 use record::{
     Batch, Compression, Encoder, Info, ReadError, Recording, Settings, WriteError, Writer, Written,
     part_path, seal, spawn,
@@ -114,6 +114,66 @@ fn what_was_recorded_is_read_with_every_compression_and_chunk_size() {
             assert_eq!(recording.metadata(), &metadata(&rig()));
             assert_eq!(recording.ledger(), Some(ledger(4)));
         }
+    }
+}
+
+#[test]
+fn large_images_are_read_back_with_every_compression() {
+    let rig = synthetic::rig(Size::new(3000, 1600));
+    let scan = Scan::new(&rig, 0, 3);
+    for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
+        let (_folder, path) = folder();
+        let settings = Settings {
+            compression,
+            ..Settings::default()
+        };
+        let mut encoder = synthetic::encoder(&rig, &settings);
+        let mut writer =
+            Writer::create(&path, false, &metadata(&rig), &encoder, &settings).unwrap();
+        writer
+            .write(&synthetic::batch(&mut encoder, &scan))
+            .unwrap();
+        writer.finish(None).unwrap();
+        let mut recording = Recording::open(&path).unwrap();
+        let topic = &Topic::of(&rig, Kind::Image)[0];
+        assert!(recording.read::<Image>(0, topic).unwrap().view().pixels == scan.image());
+        foreign_reader_accepts(&path, encoder.channels().len() as u64 - 2);
+    }
+}
+
+#[test]
+fn what_is_left_out_is_not_recorded_and_nothing_refers_to_it() {
+    let (_folder, path) = folder();
+    let without = vec![Kind::Edges, Kind::Tables];
+    record(
+        &path,
+        &Settings {
+            without,
+            ..Settings::default()
+        },
+        0..2,
+    );
+    let mut recording = Recording::open(&path).unwrap();
+    assert_eq!(recording.whole_scans(), [0, 1]);
+    let names: Vec<_> = Info::of(&recording)
+        .topics
+        .into_iter()
+        .map(|t| t.topic)
+        .collect();
+    assert!(
+        !names
+            .iter()
+            .any(|name| name.starts_with("edges") || name.starts_with("tables"))
+    );
+    for topic in &Topic::of(&rig(), Kind::Curves) {
+        assert!(
+            !recording
+                .read::<Curves>(1, topic)
+                .unwrap()
+                .view()
+                .points
+                .is_empty()
+        );
     }
 }
 
