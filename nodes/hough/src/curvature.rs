@@ -20,7 +20,8 @@ pub fn curvatures(points: &[Edge], out: &mut [f32]) {
         let nearby = &points[i.saturating_sub(REACH)..points.len().min(i + REACH + 1)];
         let way: f32 = nearby
             .windows(2)
-            .map(|pair| (pair[1].x - pair[0].x).hypot(pair[1].y - pair[0].y))
+            .map(|pair| [pair[1].x - pair[0].x, pair[1].y - pair[0].y])
+            .map(|[dx, dy]| (dx * dx + dy * dy).sqrt())
             .sum();
         let turn = turn(nearby[0].orientation, nearby[nearby.len() - 1].orientation);
         out[i] = if way > 0.0 { turn / way } else { 0.0 };

@@ -12,7 +12,7 @@ use track::{Settings, Tracker};
 fn track(criterion: &mut Criterion) {
     let size = Size::new(512, 480);
     let mut group = criterion.benchmark_group("track/512x480");
-    for (name, wavelength) in [("10k_edges", 34.0), ("40k_edges", 8.5)] {
+    for (name, wavelength) in [("10k_edges", 51.0), ("40k_edges", 12.7)] {
         let edges = contours::of(size, contours::waves(wavelength));
         let mut tracker = Tracker::new(&Settings::default(), size);
         let mut curves = Owned::<Curves>::new(size);

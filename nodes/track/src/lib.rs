@@ -35,11 +35,13 @@ pub struct Tracked {
 /// Every how many edges one is looked at for the automatic thresholds.
 const SAMPLE: usize = 8;
 
-/// Where a node of the links comes from.
+/// Where a node of the links comes from and where it goes.
 #[derive(Clone, Copy, Debug)]
-struct Source {
+struct Place {
     /// Its index among the edges.
     edge: u32,
+    /// Its chain, or [`NONE`] as yet.
+    chain: u32,
     /// Whether it reaches HIGH.
     strong: bool,
 }
@@ -66,10 +68,8 @@ struct Chain {
 pub struct Tracker {
     settings: Settings,
     links: Links,
-    /// Per node of the links where it comes from.
-    sources: Vec<Source>,
-    /// Per node its chain, or [`NONE`].
-    chain_of: Vec<u32>,
+    /// Per node of the links.
+    places: Vec<Place>,
     chains: Vec<Chain>,
     /// The nodes of all chains, each in order along its chain.
     chained: Vec<u32>,
@@ -82,8 +82,7 @@ impl Tracker {
         Self {
             settings: settings.clone(),
             links: Links::new(max),
-            sources: Vec::with_capacity(pixels),
-            chain_of: Vec::with_capacity(pixels),
+            places: Vec::with_capacity(pixels),
             chains: Vec::with_capacity(pixels),
             chained: Vec::with_capacity(pixels),
         }
@@ -128,7 +127,7 @@ impl Tracker {
     /// Takes the edges that reach LOW; gives the number of those passed over.
     fn take(&mut self, edges: &[Edge], size: Size, thresholds: Thresholds) -> usize {
         self.links.clear();
-        self.sources.clear();
+        self.places.clear();
         // The first pixel in raster order that the next edge can have.
         let (mut skipped, mut row, mut next_column) = (0, 0, 0);
         for (i, edge) in (0u32..).zip(edges) {
@@ -140,8 +139,9 @@ impl Tracker {
             (row, next_column) = (y, x + 1);
             if edge.magnitude >= thresholds.low {
                 self.links.add(edge);
-                self.sources.push(Source {
+                self.places.push(Place {
                     edge: i,
+                    chain: NONE,
                     strong: edge.magnitude >= thresholds.high,
                 });
             }
@@ -153,10 +153,8 @@ impl Tracker {
     fn find_chains(&mut self) {
         self.chains.clear();
         self.chained.clear();
-        self.chain_of.clear();
-        self.chain_of.resize(self.sources.len(), NONE);
         for topmost in 0..self.links.len() {
-            if self.chain_of[topmost as usize] != NONE {
+            if self.places[topmost as usize].chain != NONE {
                 continue;
             }
             let mut first = topmost;
@@ -173,10 +171,11 @@ impl Tracker {
             let chain = self.chains.len() as u32;
             let start = self.chained.len() as u32;
             let (mut node, mut strong) = (first, false);
-            while node != NONE && self.chain_of[node as usize] == NONE {
-                self.chain_of[node as usize] = chain;
+            while node != NONE && self.places[node as usize].chain == NONE {
+                let place = &mut self.places[node as usize];
+                place.chain = chain;
+                strong |= place.strong;
                 self.chained.push(node);
-                strong |= self.sources[node as usize].strong;
                 node = self.links.linked(node, Way::Ahead);
             }
             let end = self.chained.len() as u32;
@@ -208,7 +207,7 @@ impl Tracker {
                 if node == NONE || self.links.linked(end, way) != NONE {
                     continue;
                 }
-                let other = self.chain_of[node as usize];
+                let other = self.places[node as usize].chain;
                 if other as usize != chain {
                     self.chains[chain].touches[side] = node;
                     self.join_groups(chain as u32, other);
@@ -249,10 +248,10 @@ impl Tracker {
 
     /// Writes a chain's curve: its points and, at one end, a copy of the point where it touches its parent.
     fn publish(&self, chain: &Chain, edges: &[Edge], room: &mut CurvesRoom<'_>) {
-        let edge = |node: u32| edges[self.sources[node as usize].edge as usize];
+        let edge = |node: u32| edges[self.places[node as usize].edge as usize];
         let label_of = |node: u32| match node {
             NONE => NONE,
-            node => self.chains[self.chain_of[node as usize] as usize].label,
+            node => self.chains[self.places[node as usize].chain as usize].label,
         };
         let parents = chain.touches.map(label_of);
         let before = parents[0] != NONE;

@@ -22,7 +22,7 @@ pub struct Thresholds {
 /// scenes is the same; 2 leaves more points.
 pub const HIGH_OVER_LOW: f32 = 2.0;
 
-/// The least automatic LOW, in gray levels per pixel: what rounding to whole gray levels makes of a smooth slope.
+/// The least automatic LOW, in gray levels per pixel: three times what rounding to whole gray levels makes as noise.
 pub const LEAST_LOW: f32 = 0.25;
 
 /// The greatest automatic LOW, in gray levels per pixel.
@@ -102,5 +102,112 @@ impl Histogram {
 impl Default for Histogram {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Magnitudes of noise alone: Rayleigh's distribution, from evenly spread numbers.
+    fn noise(deviation: f32, count: u32, shift: f32) -> Histogram {
+        let mut magnitudes = Histogram::new();
+        for i in 0..count {
+            let share = (i as f32 + shift) / count as f32;
+            magnitudes.add(deviation * (-2.0 * (1.0 - share).ln()).sqrt());
+        }
+        magnitudes
+    }
+
+    #[test]
+    fn quantiles_are_those_of_sorted_magnitudes() {
+        let mut magnitudes = Histogram::new();
+        let mut sorted: Vec<f32> = (1..5000u32)
+            .map(|i| ((i * i) % 7919) as f32 / 100.0 + 0.01)
+            .collect();
+        sorted
+            .iter()
+            .for_each(|&magnitude| magnitudes.add(magnitude));
+        sorted.sort_by(f32::total_cmp);
+        for share in [0.001f32, 0.1, 0.5, 0.77, 0.999] {
+            let exact = sorted[(share * sorted.len() as f32) as usize];
+            let quantile = magnitudes.quantile(share);
+            assert!(
+                (quantile - exact).abs() < 0.02 * exact + 0.01,
+                "{share}: {quantile} for {exact}"
+            );
+        }
+        assert_eq!(Histogram::new().quantile(0.5), 0.0);
+    }
+
+    #[test]
+    fn magnitudes_beyond_all_bins_are_counted_at_the_ends() {
+        let mut magnitudes = Histogram::new();
+        [0.0, 1e-30, 1e30, f32::MAX]
+            .iter()
+            .for_each(|&magnitude| magnitudes.add(magnitude));
+        assert!(magnitudes.quantile(0.25) < 1e-3 && magnitudes.quantile(0.75) > 1e3);
+    }
+
+    #[test]
+    fn low_is_three_times_the_noise_between_its_bounds() {
+        let low =
+            |deviation| Thresholds::new(&Settings::default(), &noise(deviation, 4000, 0.5)).low;
+        assert_eq!([low(0.01), low(3.0)], [LEAST_LOW, MOST_LOW]);
+        for deviation in [0.09, 0.12, 0.16] {
+            assert!((low(deviation) / (3.0 * deviation) - 1.0).abs() < 0.03);
+        }
+    }
+
+    #[test]
+    fn few_magnitudes_more_or_less_change_little() {
+        let low =
+            |count, shift| Thresholds::new(&Settings::default(), &noise(0.13, count, shift)).low;
+        for count in [900, 1000, 1100] {
+            for shift in [0.1, 0.9] {
+                assert!((low(count, shift) / low(1000, 0.5) - 1.0).abs() < 0.02);
+            }
+        }
+    }
+
+    #[test]
+    fn thresholds_by_hand_are_kept_and_low_never_exceeds_high() {
+        let quiet = noise(0.1, 1000, 0.5);
+        let by_hand = Settings {
+            high: Some(7.0),
+            low: Some(2.0),
+            strictness: 5.0,
+            ..Settings::default()
+        };
+        assert_eq!(
+            Thresholds::new(&by_hand, &quiet),
+            Thresholds {
+                high: 7.0,
+                low: 2.0
+            }
+        );
+        let only_high = Settings {
+            high: Some(0.1),
+            ..Settings::default()
+        };
+        assert_eq!(
+            Thresholds::new(&only_high, &quiet),
+            Thresholds {
+                high: 0.1,
+                low: 0.1
+            }
+        );
+        let strict = Thresholds::new(
+            &Settings {
+                strictness: 2.0,
+                ..Settings::default()
+            },
+            &quiet,
+        );
+        let usual = Thresholds::new(&Settings::default(), &quiet);
+        assert_eq!(
+            [strict.low, strict.high],
+            [2.0 * usual.low, 2.0 * usual.high]
+        );
     }
 }

@@ -215,6 +215,26 @@ fn a_weak_branch_of_a_strong_curve_is_followed() {
 }
 
 #[test]
+fn a_weak_curve_that_runs_into_a_strong_one_is_followed_though_it_comes_first() {
+    let mut weak = down(10..40, |y| (61.1 + 0.3 * (39.0 - y), 0.3f32.atan()));
+    weak.iter_mut().for_each(|edge| edge.magnitude = 3.0);
+    let strong = down(20..80, |_| (60.3, 0.0));
+    let settings = Settings {
+        high: Some(6.0),
+        low: Some(2.0),
+        ..Settings::default()
+    };
+    let (curves, _) = track(&settings, &together(&[weak, strong]), SIZE);
+    let counts: Vec<u32> = curves
+        .view()
+        .curves
+        .iter()
+        .map(|curve| curve.count)
+        .collect();
+    assert_eq!(counts, [31, 60]);
+}
+
+#[test]
 fn short_curves_are_dropped() {
     let settings = Settings {
         min_points: 12,
@@ -452,6 +472,29 @@ fn what_the_room_refuses_is_counted_and_the_rest_is_sound() {
         });
         assert!(refused > 0 && curves.view().is_sound());
     }
+    // More curves than the room has place for, though their points would fit.
+    let pairs: Vec<_> = (0..36)
+        .map(|i| {
+            down(i / 6 * 5..i / 6 * 5 + 2, move |_| {
+                ((i % 6 * 6) as f32 + 0.5, 0.0)
+            })
+        })
+        .collect();
+    let edges = together(&pairs);
+    let settings = Settings {
+        min_points: 2,
+        ..Settings::default()
+    };
+    let mut curves = Owned::<Curves>::new(Size::new(8, 8));
+    let refused = curves.fill(|room| {
+        Tracker::new(&settings, SIZE).process(EdgesView { edges: &edges }, SIZE, room);
+        [room.curves.refused(), room.points.refused()]
+    });
+    assert_eq!(refused, [4, 0]);
+    assert_eq!(
+        [curves.view().curves.len(), curves.view().points.len()],
+        [32, 64]
+    );
 }
 
 #[test]
@@ -499,61 +542,55 @@ fn the_same_edges_give_the_same_curves_whatever_came_before() {
 
 #[test]
 fn damaged_edges_are_passed_over_and_counted() {
-    let good = of(SIZE, waves(10.0));
-    let expected = by_default(&good);
-    let template = good[good.len() / 2];
+    let mut edges = of(SIZE, waves(10.0));
+    let place = edges.len() / 2;
+    let good = edges.remove(place);
+    let expected = by_default(&edges);
     let damaged = [
         Edge {
             x: f32::NAN,
-            ..template
+            ..good
         },
         Edge {
             y: f32::NAN,
-            ..template
+            ..good
         },
-        Edge {
-            x: -0.5,
-            ..template
-        },
-        Edge {
-            x: 119.5,
-            ..template
-        },
-        Edge {
-            y: 99.01,
-            ..template
-        },
+        Edge { x: -0.5, ..good },
+        Edge { x: 119.5, ..good },
+        Edge { y: 99.01, ..good },
         Edge {
             y: f32::INFINITY,
-            ..template
+            ..good
         },
         Edge {
             orientation: f32::NAN,
-            ..template
+            ..good
         },
         Edge {
             orientation: 7.0,
-            ..template
+            ..good
         },
         Edge {
             magnitude: f32::NAN,
-            ..template
+            ..good
         },
         Edge {
             magnitude: f32::INFINITY,
-            ..template
+            ..good
         },
         Edge {
             magnitude: -1.0,
-            ..template
+            ..good
         },
         // A second one in its pixel, and one out of order.
-        template,
-        good[0],
+        edges[place - 1],
+        edges[0],
     ];
-    let mut edges = good.clone();
-    edges.splice(good.len() / 2 + 1..good.len() / 2 + 1, damaged);
-    let (curves, tracked) = track(&Settings::default(), &edges, SIZE);
-    assert_eq!(tracked.skipped, damaged.len());
-    assert_eq!(curves.view(), expected.view());
+    for damaged in damaged {
+        edges.insert(place, damaged);
+        let (curves, tracked) = track(&Settings::default(), &edges, SIZE);
+        assert_eq!(tracked.skipped, 1, "{damaged:?}");
+        assert_eq!(curves.view(), expected.view());
+        edges.remove(place);
+    }
 }
