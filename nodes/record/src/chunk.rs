@@ -273,7 +273,7 @@ mod tests {
             state = state
                 .wrapping_mul(6364136223846793005)
                 .wrapping_add(1442695040888963407);
-            if i / 300_000 % 2 == 0 {
+            if (i / 300_000).is_multiple_of(2) {
                 (state >> 56) as u8
             } else {
                 7
