@@ -13,8 +13,9 @@ use std::ops::Range;
 
 use messages::{Edge, NONE};
 
-/// How far, in pixels, a zero-crossing looks at first: successive ones of a contour are mostly nearer.
-const REACH: f32 = 1.5;
+/// How far, in pixels, a zero-crossing looks at first: successive ones of a contour are mostly nearer. Less leaves more
+/// to the second round, more looks at more in vain.
+const REACH: f32 = 1.8;
 
 /// How far, in pixels, an end looks for another: where a contour is flatter than 45° but steep enough to be listed by
 /// rows only, its zero-crossings are up to 2.3 apart, and a gap of one is bridged. On real scenes 2.3 breaks more curves,
@@ -99,15 +100,16 @@ impl Links {
         self.all.nodes.len() as u32
     }
 
-    /// Adds a zero-crossing; they come in raster order.
-    pub(crate) fn add(&mut self, edge: &Edge) {
+    /// Adds a zero-crossing of a row; they come in raster order.
+    pub(crate) fn add(&mut self, edge: &Edge, row: u32) {
         let turned = edge.orientation + FRAC_PI_2;
-        self.all.add(Node {
+        let node = Node {
             x: edge.x,
             y: edge.y,
             cos: sine(if turned > PI { turned - TAU } else { turned }),
             sin: sine(edge.orientation),
-        });
+        };
+        self.all.add(node, row);
     }
 
     /// Links all zero-crossings whose orientations differ by at most the angle of this cosine.
@@ -124,7 +126,7 @@ impl Links {
         self.node_of.clear();
         for ((i, node), linked) in (0u32..).zip(&self.all.nodes).zip(&self.linked) {
             if linked.contains(&NONE) {
-                self.ends.add(*node);
+                self.ends.add(*node, node.y as u32);
                 self.node_of.push(i);
             }
         }
@@ -176,9 +178,8 @@ impl Field {
         self.rows.clear();
     }
 
-    fn add(&mut self, node: Node) {
-        let row = node.y as usize;
-        while self.rows.len() <= row {
+    fn add(&mut self, node: Node, row: u32) {
+        while self.rows.len() <= row as usize {
             self.rows.push(self.nodes.len() as u32);
         }
         self.nodes.push(node);
@@ -357,7 +358,7 @@ mod tests {
             let edges = scatter(31, 17, sparseness, seed);
             let cos_tolerance = degrees.to_radians().cos();
             let mut links = Links::new(messages::Size::new(31, 17));
-            edges.iter().for_each(|edge| links.add(edge));
+            edges.iter().for_each(|edge| links.add(edge, edge.y as u32));
             links.link(cos_tolerance);
             assert_eq!(
                 links.linked,
@@ -378,10 +379,13 @@ mod tests {
         for i in -1000..=1000 {
             let orientation = i as f32 * (PI / 1000.0);
             let mut links = Links::new(messages::Size::new(1, 1));
-            links.add(&Edge {
-                orientation,
-                ..Edge::default()
-            });
+            links.add(
+                &Edge {
+                    orientation,
+                    ..Edge::default()
+                },
+                0,
+            );
             let Node { sin, cos, .. } = links.all.nodes[0];
             assert!((sin - orientation.sin()).abs() < 0.0012, "{orientation}");
             assert!((cos - orientation.cos()).abs() < 0.0012, "{orientation}");
