@@ -417,9 +417,10 @@ mod tests {
         }
         filtered.mirror();
         let mut smoothed = Picture::default();
-        Gaussian::new(0.0, size).apply(&ramp, size, &mut smoothed);
         let mut gray = Gray::new(size);
         gray.read(&ramp, size);
+        gray.steady();
+        Gaussian::new(0.0, size).apply(gray.pixels(), size, &mut smoothed);
         let view = View {
             filtered: &filtered,
             smoothed: &smoothed,

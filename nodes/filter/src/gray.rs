@@ -3,6 +3,8 @@
 use messages::{Edge, Size};
 use multiversion::multiversion;
 
+use crate::smooth::TOGETHER;
+
 /// Columns of margin on either side: profiles reach 6 columns and one pixel to interpolate with.
 const MARGIN: usize = 8;
 /// Steps to a pixel in interpolation.
@@ -17,6 +19,8 @@ const WINDOW: usize = 2 * MARGIN;
 #[derive(Debug)]
 pub(crate) struct Gray {
     width: usize,
+    height: usize,
+    /// Row by row without gaps, and a few pixels behind the last row for those who look at several at a time.
     raw: Vec<u8>,
     /// Rows with margins that repeat the border pixels.
     steady: Vec<u8>,
@@ -28,51 +32,48 @@ impl Gray {
         let (width, height) = (max.width as usize, max.height as usize);
         Self {
             width: 0,
-            raw: Vec::with_capacity(width * height),
+            height: 0,
+            raw: Vec::with_capacity(width * height + TOGETHER),
             steady: Vec::with_capacity((width + 2 * MARGIN) * (height + 1)),
         }
     }
 
     /// Takes a view.
     pub(crate) fn read(&mut self, pixels: &[u8], size: Size) {
-        let (width, height) = (size.width as usize, size.height as usize);
-        self.width = width;
+        self.width = size.width as usize;
+        self.height = size.height as usize;
         self.raw.clear();
         self.raw.extend_from_slice(pixels);
-        self.steady.resize(self.stride() * (height + 1), 0);
+        self.raw.resize(pixels.len() + TOGETHER, 0);
+    }
+
+    /// Steadies the view.
+    pub(crate) fn steady(&mut self) {
+        let (width, height) = (self.width, self.height);
         let stride = self.stride();
+        self.steady.resize(stride * (height + 1), 0);
         let row = |y: usize| &self.raw[y * width..(y + 1) * width];
-        for (y, steady) in self
-            .steady
-            .chunks_exact_mut(stride)
-            .enumerate()
-            .take(height)
-        {
-            let pixels = &mut steady[MARGIN..MARGIN + width];
-            steady_row(
-                row(y.saturating_sub(1)),
-                row(y),
-                row((y + 1).min(height - 1)),
-                pixels,
-            );
+        for (y, steady) in self.steady.chunks_exact_mut(stride).enumerate() {
+            // One more row than there are: a copy of the last, for the cuts that would lie below it.
+            let y = y.min(height - 1);
+            let neighbours = [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(row);
+            steady_row(neighbours, &mut steady[MARGIN..MARGIN + width]);
             let (left, right) = (steady[MARGIN], steady[MARGIN + width - 1]);
             steady[..MARGIN].fill(left);
             steady[MARGIN + width..].fill(right);
         }
-        self.steady
-            .copy_within((height - 1) * stride..height * stride, height * stride);
     }
 
     fn stride(&self) -> usize {
         self.width + 2 * MARGIN
     }
 
-    /// The view, row by row without gaps.
+    /// The view, row by row without gaps, and behind it [`TOGETHER`] more pixels that mean nothing.
     pub(crate) fn pixels(&self) -> &[u8] {
         &self.raw
     }
 
-    /// The steadied rows from `y` on, the last one twice, and how far they are apart; for [`beside`].
+    /// The steadied rows from `y` on, the last one twice, and how far they are apart; for [`Profiles`].
     pub(crate) fn steady_from(&self, y: usize) -> (&[u8], usize) {
         let stride = self.stride();
         (&self.steady[y * stride..(y + 2) * stride], stride)
@@ -80,7 +81,7 @@ impl Gray {
 }
 
 #[multiversion(targets("x86_64+avx2+fma"))]
-fn steady_row(above: &[u8], here: &[u8], below: &[u8], steady: &mut [u8]) {
+fn steady_row([above, here, below]: [&[u8]; 3], steady: &mut [u8]) {
     for (((s, &a), &h), &b) in steady.iter_mut().zip(above).zip(here).zip(below) {
         *s = ((u16::from(a) + 2 * u16::from(h) + u16::from(b) + 2) >> 2) as u8;
     }

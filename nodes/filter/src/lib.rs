@@ -113,7 +113,8 @@ impl Filter {
         );
         self.size = size;
         self.gray.read(image.pixels, size);
-        self.spectrum.analyse(self.gray.pixels(), size);
+        self.spectrum
+            .analyse(&self.gray.pixels()[..size.pixels()], size);
         self.shown = None;
         self.crossings.resize(size.width as usize);
     }
@@ -123,6 +124,9 @@ impl Filter {
     /// # Panics
     /// When there is no such channel, or no view has begun.
     pub fn edges(&mut self, channel: usize, room: &mut EdgesRoom<'_>) {
+        if self.shown.is_none() {
+            self.gray.steady();
+        }
         self.filter(channel);
         let scale = self.smooth(channel);
         let view = View {

@@ -144,10 +144,11 @@ impl Plan {
             &self.columns_forward,
             &self.columns_inverse,
         ];
-        all.map(|fft| fft.get_inplace_scratch_len())
-            .into_iter()
-            .max()
-            .unwrap_or(0)
+        let scratch = |fft: &Arc<dyn Fft<f32>>| {
+            fft.get_inplace_scratch_len()
+                .max(fft.get_outofplace_scratch_len())
+        };
+        all.map(scratch).into_iter().max().unwrap_or(0)
     }
 
     /// From one column of the spectrum to the next; the extra line keeps them out of each other's cache sets.
@@ -239,7 +240,8 @@ impl Spectrum {
         self.values.grow(columns);
         self.work
             .grow(columns.max(width * (size.height as usize).div_ceil(2)));
-        self.lines.grow((width + GROUP) * GROUP / 2);
+        let height = plan.padded.height as usize;
+        self.lines.grow(height.max((width + GROUP) * GROUP / 2));
         if self.scratch.len() < plan.scratch() {
             self.scratch.resize(plan.scratch(), Complex::default());
         }
@@ -295,15 +297,15 @@ impl Spectrum {
 
         let values = self.values.as_mut(weights.columns * stride);
         let columns = self.work.as_mut(weights.columns * stride);
-        for (kx, (from, to)) in values
+        let weighed = self.lines.as_mut(padded_height);
+        let pairs = values
             .chunks_exact(stride)
-            .zip(columns.chunks_exact_mut(stride))
-            .enumerate()
-        {
+            .zip(columns.chunks_exact_mut(stride));
+        for (kx, (from, to)) in pairs.enumerate() {
+            weigh(from, weights, kx, weighed);
             let to = &mut to[..padded_height];
-            weigh(from, weights, kx, to);
             plan.columns_inverse
-                .process_with_scratch(to, &mut self.scratch);
+                .process_outofplace_with_scratch(weighed, to, &mut self.scratch);
         }
 
         picture.resize(plan.size);
