@@ -5,7 +5,7 @@ mod harness;
 
 use std::process::{Child, Command, Stdio};
 
-use harness::{Ran, World, bytes_of, signal, wait_until};
+use harness::{Ran, World, bytes_of, is_gone, signal, wait_until};
 
 const SCANS: &str = "300";
 
@@ -177,14 +177,11 @@ fn clean_sweeps_up_after_a_run_whose_processes_were_all_killed() {
     for (_, pid) in &nodes {
         signal(*pid, "KILL");
     }
-    wait_until("the nodes are gone", || world.nodes().is_empty());
+    wait_until("the nodes are gone", || {
+        nodes.iter().all(|(_, pid)| is_gone(*pid))
+    });
     assert!(!world.leftovers().is_empty());
-    assert!(
-        world
-            .run(&["clean"])
-            .done()
-            .out
-            .contains("cleaned up after 1 dead run")
-    );
+    let ran = world.run(&["clean"]).done();
+    assert!(ran.out.contains("cleaned up after 1 dead run:"), "{ran:?}");
     assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
 }

@@ -8,7 +8,8 @@ pub(crate) fn run() -> Result<Outcome, Failure> {
     let text = match runs {
         0 => "nothing to clean: no dead run left anything\n".to_owned(),
         _ => format!(
-            "cleaned up after {runs} dead runs: {:.1} MB of shared memory\n",
+            "cleaned up after {runs} dead {}: {:.1} MB of shared memory\n",
+            if runs == 1 { "run" } else { "runs" },
             bytes as f64 / 1e6
         ),
     };

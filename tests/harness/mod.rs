@@ -175,6 +175,12 @@ pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
+/// Whether a process is gone, files closed and locks let go; one that is only waiting to be reaped is.
+pub(crate) fn is_gone(pid: u32) -> bool {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    stat.is_empty() || stat.contains(") Z ") || stat.contains(") X ")
+}
+
 /// Sends a signal to one process.
 pub(crate) fn signal(pid: u32, name: &str) {
     let status = Command::new("kill")

@@ -412,13 +412,19 @@ mod tests {
     #[test]
     fn colours_grow_lighter_from_far_to_near() {
         let colours = Colours::new();
-        let light = |rgb: [u8; 3]| {
-            0.2126 * f32::from(rgb[0]) + 0.7152 * f32::from(rgb[1]) + 0.0722 * f32::from(rgb[2])
+        // Relative luminance: the weights of ITU-R BT.709 are for light, not for the display's values.
+        let linear = |value: u8| match f64::from(value) / 255.0 {
+            dark if dark <= 0.040_45 => dark / 12.92,
+            value => ((value + 0.055) / 1.055).powf(2.4),
         };
-        let lights: Vec<f32> = (0..=255)
+        let light = |rgb: [u8; 3]| {
+            let [r, g, b] = rgb.map(linear);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        let lights: Vec<f64> = (0..=255)
             .map(|i| light(colours.of(i as f32 / 255.0)))
             .collect();
-        assert!(lights.windows(33).all(|w| w[32] > w[0]), "{lights:?}");
+        assert!(lights.windows(4).all(|w| w[3] > w[0]), "{lights:?}");
         assert!(colours.steps.iter().all(|rgb| *rgb != Colours::UNKNOWN));
     }
 
