@@ -109,63 +109,56 @@ fn a_recording_says_what_it_holds_and_gives_its_points() {
 }
 
 #[test]
-fn of_ten_thousand_points_of_the_rendered_scenes_at_most_one_is_off_by_over_two_pixels() {
+fn no_point_of_the_rendered_scenes_is_off_by_over_two_pixels() {
+    // Another seed is other noise in the same scenes.
+    for seed in [1, 2, 3] {
+        let counts = points_of_rendered_scenes(seed);
+        assert!(counts.iter().all(|&points| points > 40_000), "{counts:?}");
+    }
+}
+
+/// Matches the rendered scenes and compares every point with the truth; gives back how many points there are.
+fn points_of_rendered_scenes(seed: u64) -> [usize; 3] {
     let world = World::new();
-    let scenes = ["tab", "jack", "screwdriver"];
-    world
-        .run(&[
-            "run",
-            "--source",
-            "scene:all",
-            "--scans",
-            "3",
-            "--record",
-            "x.mcap",
-        ])
-        .done();
-    world.run(&["export", "x.mcap", "--csv", "x.csv"]).done();
-    let settings = capture::Settings::default();
-    let source = capture::Source::open(&settings).unwrap();
-    let csv = std::fs::read_to_string(world.path("x.csv")).unwrap();
-    let truths: Vec<_> = (0..3)
-        .map(|scan| source.truth(scan, 0).unwrap().unwrap())
+    let seeded = format!("capture.seed={seed}");
+    let run = ["run", "--source", "scene:all", "--scans", "3", "--record"];
+    let run: Vec<&str> = run
+        .into_iter()
+        .chain(["x.mcap", "--set", &seeded])
         .collect();
-    let size = source.size();
-    let (width, height) = (size.width as usize, size.height as usize);
-    let (mut counts, mut wrong) = ([0; 3], Vec::new());
-    for line in csv.lines().skip(1) {
+    world.run(&run).done();
+    world.run(&["export", "x.mcap", "--csv", "x.csv"]).done();
+    let source = capture::Source::open(&capture::Settings::default()).unwrap();
+    let truths = [0, 1, 2].map(|scan| source.truth(scan, 0).unwrap().unwrap().disparity);
+    let (width, height) = (source.size().width as usize, source.size().height as usize);
+    // A contour at an occlusion may belong to either side: the nearest truth within two pixels counts.
+    let around = |at: f64, length: usize| {
+        let at = at.round();
+        let within = |k: f64| (at + k).clamp(0.0, length as f64 - 1.0) as usize;
+        within(-2.0)..=within(2.0)
+    };
+    let mut counts = [0; 3];
+    for line in std::fs::read_to_string(world.path("x.csv"))
+        .unwrap()
+        .lines()
+        .skip(1)
+    {
         let fields: Vec<f64> = line
             .split(',')
-            .map(|f| f.parse().unwrap_or(f64::NAN))
+            .map(|field| field.parse().unwrap_or(f64::NAN))
             .collect();
         let (scan, x, y, disparity) = (fields[0] as usize, fields[4], fields[5], fields[6]);
-        // An edge at an occlusion may belong to either side: the nearest truth within two pixels counts.
-        let near = |at: f64, k: i32, len: usize| {
-            (at.round() + f64::from(k)).clamp(0.0, len as f64 - 1.0) as usize
-        };
-        let nearest = (-2..=2)
-            .flat_map(|down| {
-                (-2..=2).map(move |right| (near(x, right, width), near(y, down, height)))
-            })
-            .map(|(column, row)| {
-                (disparity - f64::from(truths[scan].disparity[row * width + column])).abs()
-            })
+        let nearest = around(y, height)
+            .flat_map(|row| around(x, width).map(move |column| row * width + column))
+            .map(|pixel| (disparity - f64::from(truths[scan][pixel])).abs())
             .fold(f64::INFINITY, f64::min);
-        if nearest > 2.0 {
-            wrong.push(format!(
-                "{}: off by {nearest:.2} px at ({x:.1}, {y:.1})",
-                scenes[scan]
-            ));
-        }
+        assert!(
+            nearest <= 2.0,
+            "seed {seed}, off by {nearest:.2} px: {line}"
+        );
         counts[scan] += 1;
     }
-    let all: usize = counts.iter().sum();
-    assert!(
-        10_000 * wrong.len() <= all,
-        "{} of {counts:?}: {wrong:#?}",
-        wrong.len()
-    );
-    assert!(counts.iter().all(|&points| points > 2000), "{counts:?}");
+    counts
 }
 
 #[test]

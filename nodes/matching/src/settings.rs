@@ -61,16 +61,16 @@ messages::settings! {
         pub turn_cost: f32 = 0.6, in 0..=10;
         /// Cost of the greatest miss allowed.
         pub miss_cost: f32 = 0.2, in 0..=10;
-        /// Cost of one gray level of difference beside the edge.
-        pub gray_cost: f32 = 0.08, in 0..=10;
+        /// Cost of one gray level of difference beside the edge. 0.08 covers 0.014 more and is wrong a tenth more often.
+        pub gray_cost: f32 = 0.12, in 0..=10;
         /// Most that gray levels cost.
         pub gray_most: f32 = 2.0, in 0..=10;
         /// How many times more the better side of an edge weighs than the worse one.
         pub better_side: f32 = 4.0, in 1..=100;
         /// Cost of a doubled gradient magnitude.
         pub magnitude_cost: f32 = 0.3, in 0..=10;
-        /// Cost of a point that chooses no candidate. 1.3 cover 0.70 with 0.48 % wrong, 1.0 cover 0.69 with 0.41 %, 0.8 cover
-        /// 0.02 less with 0.06 % less.
+        /// Cost of a point that chooses no candidate. More cover more and are wrong more
+        /// often: 0.9 covers 0.006 less than 1.0 with 0.02 % less wrong.
         pub nothing: f32 = 1.0, in 0..=10;
         /// Cost of a pixel of change in disparity along a curve.
         pub change: f32 = 1.0, in 0..=10;
@@ -99,8 +99,8 @@ messages::settings! {
         pub support_radius: f32 = 12.0, in 1..=32;
         /// Nearest neighbours asked.
         pub support_nearest: u32 = 24, in 1..=256;
-        /// Share of them that must agree; 0 asks nobody.
-        pub support_share: f32 = 0.7, in 0..=1;
+        /// Share of them that must agree; 0 asks nobody. 0.7 covers 0.01 more and is wrong a twentieth more often.
+        pub support_share: f32 = 0.8, in 0..=1;
         /// Pixels of disparity within which neighbours agree.
         pub support_within: f32 = 1.0, in 0.1..=16;
         /// Pixels of disparity more, a pixel of distance.
