@@ -64,7 +64,8 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         Some(json) => serde_json::from_str(json)?,
         None => Progress::default(),
     };
-    let mut bus = Bus::join(orders.run.clone(), node.name, resume.done_below)?;
+    let successor_from = (args.life > 0).then_some(resume.done_below);
+    let mut bus = Bus::join(orders.run.clone(), node.name, successor_from)?;
     let Orders {
         configuration,
         graph,

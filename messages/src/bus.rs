@@ -155,7 +155,10 @@ struct Tally {
 #[derive(Debug, Default)]
 struct Book {
     topics: BTreeMap<String, Tally>,
+    /// Scans below this one went through the node whose place this one takes.
     done_below: u64,
+    /// Whether it takes the place of one that died.
+    is_successor: bool,
     meter: Meter,
     /// When the node was handed its last message or published its last one.
     mark: Option<Instant>,
@@ -201,8 +204,9 @@ impl Book {
         tally.published.get_or_insert_default().insert(sequence);
     }
 
+    /// What was done before a successor had its ports it never sees, and nobody sends it again.
     fn advance(&mut self, done_below: u64) {
-        if done_below > self.done_below {
+        if self.is_successor && done_below > self.done_below {
             self.done_below = done_below;
             for tally in self.topics.values_mut() {
                 let sets = [&mut tally.received, &mut tally.published];
@@ -215,8 +219,8 @@ impl Book {
 
     fn accounts(&self) -> BTreeMap<String, Account> {
         let account = |tally: &Tally| Account {
-            received: tally.received.map(|seen| seen.count()),
-            published: tally.published.map(|seen| seen.count()),
+            received: tally.received.as_ref().map(Seen::count),
+            published: tally.published.as_ref().map(Seen::count),
             duplicates: tally.duplicates,
             dropped: tally.dropped.clone(),
             missing: tally.received.iter().flat_map(Seen::missing).collect(),
@@ -266,12 +270,12 @@ impl std::fmt::Debug for Bus {
 }
 
 impl Bus {
-    /// Joins a run as the node of this name; scans below `first` are done. Commands are read from
-    /// standard input, events written to standard output, so a process has one bus.
+    /// Joins a run as the node of this name; when it takes the place of one that died, scans below `successor_from` are
+    /// done. Commands are read from standard input, events written to standard output, so a process has one bus.
     ///
     /// # Errors
     /// When the node is not in the plan or the shared memory cannot be set up.
-    pub fn join(run: Run, name: &str, first: u64) -> Result<Self, BusError> {
+    pub fn join(run: Run, name: &str, successor_from: Option<u64>) -> Result<Self, BusError> {
         if !run.nodes.iter().any(|node| node.name == name) {
             return Err(BusError::Unknown(name.to_owned()));
         }
@@ -286,7 +290,8 @@ impl Bus {
             reports,
             waiting: VecDeque::new(),
             book: Rc::new(RefCell::new(Book {
-                done_below: first,
+                done_below: successor_from.unwrap_or_default(),
+                is_successor: successor_from.is_some(),
                 ..Book::default()
             })),
             subscribers: Vec::new(),

@@ -1,23 +1,31 @@
 //! The ledger: what every node received, published and dropped, topic by topic.
 //!
 //! Counts are of *different* scans, so that a resend after a restart changes nothing, and they survive a restart
-//! without help from the node that died: every scan below [`Header::done_below`](crate::Header::done_below) went
-//! through everybody, or it would not be done.
+//! without help from the node that died: its successor takes for seen every scan below
+//! [`Header::done_below`](crate::Header::done_below), which went through everybody or would not be done. A node that
+//! was never restarted counts only what it saw.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// The set of sequences seen so far: all below `base`, and those of the next 64 whose bit is set.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// The set of sequences seen so far: all below `base` but those given up, and those of the next 64 whose bit is set.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Seen {
     base: u64,
     mask: u64,
+    /// Scans below `base` that were never seen, in order; the first few, to be named.
+    given_up: Vec<u64>,
+    /// How many there are.
+    lost: u64,
 }
 
 impl Seen {
-    /// How many scans beyond the oldest missing one can be told apart; the door keeps fewer in flight.
+    /// How many scans beyond the oldest missing one are waited for before it is given up; the door keeps fewer in
+    /// flight.
     pub const WINDOW: u64 = 64;
+    /// How many scans that were given up are named.
+    const NAMED: usize = 16;
 
     /// Takes for seen every scan below this number.
     pub fn advance(&mut self, done_below: u64) {
@@ -32,10 +40,15 @@ impl Seen {
     /// Adds a scan; false when it was there already.
     pub fn insert(&mut self, sequence: u64) -> bool {
         let Some(ahead) = sequence.checked_sub(self.base) else {
-            return false;
+            let late = self.given_up.iter().position(|&lost| lost == sequence);
+            if let Some(late) = late {
+                self.given_up.remove(late);
+                self.lost -= 1;
+            }
+            return late.is_some();
         };
         if ahead >= Self::WINDOW {
-            self.advance(sequence + 1 - Self::WINDOW);
+            self.give_up_below(sequence + 1 - Self::WINDOW);
             return self.insert(sequence);
         }
         let bit = 1 << ahead;
@@ -45,26 +58,40 @@ impl Seen {
         is_new
     }
 
+    /// Waits no longer for what is missing below this number.
+    fn give_up_below(&mut self, end: u64) {
+        for sequence in self.base..end {
+            if !self.contains(sequence) {
+                self.lost += 1;
+                if self.given_up.len() < Self::NAMED {
+                    self.given_up.push(sequence);
+                }
+            }
+        }
+        self.advance(end);
+    }
+
     /// Whether a scan is in the set.
     pub fn contains(&self, sequence: u64) -> bool {
         match sequence.checked_sub(self.base) {
-            None => true,
+            None => !self.given_up.contains(&sequence),
             Some(ahead) => ahead < Self::WINDOW && self.mask & (1 << ahead) != 0,
         }
     }
 
     /// How many scans are in the set.
     pub fn count(&self) -> u64 {
-        self.base + u64::from(self.mask.count_ones())
+        self.base - self.lost + u64::from(self.mask.count_ones())
     }
 
-    /// The scans missing below the highest one seen.
+    /// The scans missing below the highest one seen; of those given up long ago only the first few.
     pub fn missing(&self) -> impl Iterator<Item = u64> + '_ {
         let highest = self.base + u64::from(64 - self.mask.leading_zeros());
-        (self.base..highest).filter(|&sequence| !self.contains(sequence))
+        let waited_for = (self.base..highest).filter(|&sequence| !self.contains(sequence));
+        self.given_up.iter().copied().chain(waited_for)
     }
 
-    /// The lowest scan that is not in the set.
+    /// The lowest scan that is neither in the set nor given up.
     pub fn below(&self) -> u64 {
         self.base
     }
@@ -170,6 +197,20 @@ mod tests {
             seen.missing()
                 .eq((11..69).filter(|s| ![40, 41].contains(s)))
         );
+    }
+
+    #[test]
+    fn a_scan_that_never_comes_is_missing_for_ever() {
+        let mut seen = Seen::default();
+        for sequence in (0..1000).filter(|sequence| ![7, 500].contains(sequence)) {
+            assert!(seen.insert(sequence));
+        }
+        assert_eq!(seen.count(), 998);
+        assert!(seen.missing().eq([7, 500]));
+        assert!(!seen.contains(7) && seen.contains(8));
+        assert!(seen.insert(7), "late is better than never");
+        assert!(!seen.insert(7));
+        assert_eq!(seen.count(), 999);
     }
 
     #[test]

@@ -15,6 +15,7 @@ use crate::file::{MESSAGE_HEAD, RECORD_HEAD};
 pub struct Batch {
     sequence: u64,
     nanos: u64,
+    is_closing: bool,
     bytes: Vec<u8>,
     records: Vec<(usize, Range<usize>)>,
 }
@@ -31,6 +32,11 @@ impl Batch {
     /// When it was taken, in nanoseconds since 1970.
     pub fn nanos(&self) -> u64 {
         self.nanos
+    }
+
+    /// Whether it holds no scan, only what is said when all are there.
+    pub(crate) fn is_closing(&self) -> bool {
+        self.is_closing
     }
 
     /// Bytes of all its messages.
@@ -64,6 +70,7 @@ impl Batch {
     fn begin(&mut self, sequence: u64, nanos: u64) {
         self.sequence = sequence;
         self.nanos = nanos;
+        self.is_closing = false;
         self.bytes.clear();
         self.records.clear();
     }
@@ -239,6 +246,12 @@ impl Encoder {
         }
         statistics.bytes = batch.len() as u64;
         self.add_json(&Content::Statistics, &statistics, batch);
+    }
+
+    /// Begins the last batch, which holds no scan: what is said when all are there, at the last one's time.
+    pub fn close(&self, sequence: u64, nanos: u64, batch: &mut Batch) {
+        batch.begin(sequence, nanos);
+        batch.is_closing = true;
     }
 
     /// Adds a line that `node` said to the scan's log.

@@ -75,12 +75,16 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
         drop(seal(&path));
         return Err(error);
     }
+    while let Some(text) = heard.receive()? {
+        recorder.hear_node(&text);
+    }
     let ledger = ending.flatten().map(|mut ledger| {
         ledger
             .nodes
-            .insert("record".to_owned(), bus.report(&[]).topics);
+            .insert(bus.name().to_owned(), bus.report(&[]).topics);
         *ledger
     });
+    recorder.close(ledger.as_ref());
     let recorded = recorder.thread.finish(ledger.as_ref())?;
     bus.finish(&[("bytes", recorded.bytes)]);
     Ok(())
@@ -161,6 +165,8 @@ struct Recorder {
     under_way: BTreeMap<u64, Duration>,
     /// Scans written and flushed.
     flushed: Seen,
+    /// Number and time of the last scan handed to the writer.
+    last: Option<(u64, u64)>,
     /// What the nodes said since the last scan.
     log: Vec<Log>,
     ledger: Ledger,
@@ -176,6 +182,7 @@ impl Recorder {
             thread,
             done,
             flushed,
+            last: None,
             spare: Vec::new(),
             under_way: BTreeMap::new(),
             log: Vec::new(),
@@ -205,9 +212,8 @@ impl Recorder {
         }
         let mut batch = self.spare.pop().unwrap_or_default();
         self.encoder.encode(&views, &mut batch);
-        for Log { level, node, text } in self.log.drain(..) {
-            self.encoder.log(level_of(level), &node, &text, &mut batch);
-        }
+        self.last = Some((batch.sequence(), batch.nanos()));
+        self.write_log(&mut batch);
         if self.next_ledger <= Instant::now() {
             self.next_ledger = Instant::now() + LEDGER_EVERY;
             self.ledger
@@ -218,6 +224,26 @@ impl Recorder {
         self.thread.write(batch);
         self.under_way.insert(scan.sequence, began.elapsed());
         Ok(())
+    }
+
+    /// Hands to the writer what was said since the last scan, and how the run's ledger came out.
+    fn close(&mut self, ledger: Option<&Ledger>) {
+        let Some((sequence, nanos)) = self.last else {
+            return;
+        };
+        let mut batch = self.spare.pop().unwrap_or_default();
+        self.encoder.close(sequence, nanos, &mut batch);
+        self.write_log(&mut batch);
+        if let Some(ledger) = ledger {
+            self.encoder.ledger(ledger, &mut batch);
+        }
+        self.thread.write(batch);
+    }
+
+    fn write_log(&mut self, batch: &mut Batch) {
+        for Log { level, node, text } in self.log.drain(..) {
+            self.encoder.log(level_of(level), &node, &text, batch);
+        }
     }
 
     /// Takes in what a node reported or said.

@@ -82,11 +82,16 @@ impl WriterThread {
     /// Waits until all scans are written, then finishes the recording.
     ///
     /// # Errors
-    /// As [`Writer::finish`].
+    /// As [`Writer::write`] and [`Writer::finish`].
     pub fn finish(self, ledger: Option<&Ledger>) -> Result<Written, WriteError> {
         drop(self.batches);
         match self.thread.join() {
-            Ok(writer) => writer.finish(ledger),
+            Ok(writer) => {
+                for report in self.reports.try_iter() {
+                    report.result?;
+                }
+                writer.finish(ledger)
+            }
             Err(panic) => std::panic::resume_unwind(panic),
         }
     }

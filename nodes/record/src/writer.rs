@@ -266,13 +266,13 @@ impl Writer {
             self.give_up();
             return Err(error);
         }
-        self.recorded.scans += 1;
+        self.recorded.scans += u64::from(!batch.is_closing());
         Ok(part.sink.len() - before)
     }
 
     /// Whether the part has all it should have, and this scan belongs into the next.
     fn is_full(&self, part: &Part, batch: &Batch) -> bool {
-        let Some(first) = part.first_nanos else {
+        let Some(first) = part.first_nanos.filter(|_| !batch.is_closing()) else {
             return false;
         };
         let seconds = batch.nanos().saturating_sub(first) as f64 / 1e9;
