@@ -20,6 +20,8 @@ pub mod ledger;
 pub mod payload;
 #[cfg(feature = "record")]
 pub mod record;
+#[cfg(feature = "record")]
+pub mod recording;
 pub mod rig;
 pub mod settings;
 pub mod topic;

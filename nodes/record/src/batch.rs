@@ -8,7 +8,7 @@ use messages::record::{Beside, Channel, Codec, Content, Level, Span, Statistics,
 use messages::{AnyView, Header, Kind, Rig, Topic};
 
 use crate::Settings;
-use crate::file::{MESSAGE_HEAD, RECORD_HEAD};
+use messages::recording::{MESSAGE_HEAD, RECORD_HEAD};
 
 /// The encoded messages of one scan, as the records that stand in the file; made once and used again and again.
 #[derive(Debug, Default)]

@@ -8,9 +8,9 @@ use lz4::block::{compress_bound, compress_to_buffer};
 use mcap::records::{self, op};
 
 use crate::batch::channel_id;
-use crate::file::RECORD_HEAD;
 use crate::summary::{Summary, record, write};
 use crate::{Batch, Compression};
+use messages::recording::RECORD_HEAD;
 
 /// Cuts batches into chunks and compresses them; keeps its memory from batch to batch.
 #[derive(Debug)]

@@ -157,21 +157,22 @@ fn topics(recording: &Recording, duration: f64) -> Vec<TopicInfo> {
     let place = |topic: &str| places.iter().position(|channel| channel.name == topic);
     let mut all: Vec<_> = recording.channels().into_iter().collect();
     all.sort_by_key(|(topic, _)| (place(topic).unwrap_or(usize::MAX), *topic));
-    let info = |(topic, (encoding, schema)): (&str, (&str, Option<&crate::file::FileSchema>))| {
-        let count = counts.get(topic).copied().unwrap_or(0);
-        let steps = count.saturating_sub(1) as f64;
-        TopicInfo {
-            topic: topic.to_owned(),
-            schema: schema.map_or(String::new(), |schema| schema.name.clone()),
-            encoding: encoding.to_owned(),
-            count,
-            rate_hz: if duration > 0.0 {
-                steps / duration
-            } else {
-                0.0
-            },
-        }
-    };
+    let info =
+        |(topic, (encoding, schema)): (&str, (&str, Option<&messages::recording::FileSchema>))| {
+            let count = counts.get(topic).copied().unwrap_or(0);
+            let steps = count.saturating_sub(1) as f64;
+            TopicInfo {
+                topic: topic.to_owned(),
+                schema: schema.map_or(String::new(), |schema| schema.name.clone()),
+                encoding: encoding.to_owned(),
+                count,
+                rate_hz: if duration > 0.0 {
+                    steps / duration
+                } else {
+                    0.0
+                },
+            }
+        };
     all.into_iter().map(info).collect()
 }
 

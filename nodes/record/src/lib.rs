@@ -13,13 +13,9 @@
 mod batch;
 mod chunk;
 mod export;
-mod file;
 mod info;
-mod metadata;
 #[cfg(feature = "node")]
 pub mod node;
-mod parts;
-mod read;
 mod seal;
 mod settings;
 mod sink;
@@ -27,12 +23,11 @@ mod summary;
 mod thread;
 mod writer;
 
+pub use messages::recording::{Metadata, MetadataError, ReadError, Recording, Scan, part_path};
+
 pub use batch::{Batch, Encoder};
 pub use export::{CSV_HEADER, Export, ExportError, export};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
-pub use metadata::{Metadata, MetadataError};
-pub use parts::part_path;
-pub use read::{ReadError, Recording, Scan};
 pub use seal::{SealError, Sealed, seal};
 pub use settings::{Compression, Settings};
 pub use thread::{Report, WriterThread, spawn};

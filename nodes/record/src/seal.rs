@@ -8,8 +8,8 @@ use mcap::records::op;
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::file::Contents;
 use crate::summary::{Summary, record};
+use messages::recording::Contents;
 
 /// What sealing did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]

@@ -7,7 +7,7 @@ use binrw::{BinWrite, Endian};
 use mcap::MAGIC;
 use mcap::records::{self, op};
 
-use crate::file::FileSchema;
+use messages::recording::FileSchema;
 
 /// Everything a file's index says.
 #[derive(Debug, Default)]

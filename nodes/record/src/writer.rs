@@ -15,13 +15,13 @@ use thiserror::Error;
 
 use crate::batch::channel_id;
 use crate::chunk::Chunker;
-use crate::file::{Contents, FileSchema};
-use crate::metadata::{Identity, Metadata, NAME, ledger_record};
-use crate::parts::{count, part_path};
 use crate::seal::{SealError, seal};
 use crate::sink::{Disk, Sink};
 use crate::summary::{Summary, raw_record, record, schema_record, write};
 use crate::{Batch, Encoder, Sealed, Settings};
+use messages::recording::{Contents, FileSchema};
+use messages::recording::{Identity, Metadata, NAME, ledger_record};
+use messages::recording::{count_parts, part_path};
 
 /// Why a recording cannot be written.
 #[derive(Debug, Error)]
@@ -125,7 +125,7 @@ impl Writer {
     ) -> Result<Self, WriteError> {
         check_folder(path)?;
         // A second part without a first one would be taken for the new recording's.
-        let parts = (0..=count(path).max(1)).map(|part| part_path(path, part));
+        let parts = (0..=count_parts(path).max(1)).map(|part| part_path(path, part));
         let existing: Vec<_> = parts.filter(|part| part.exists()).collect();
         for part in &existing {
             if !overwrite {
@@ -172,7 +172,7 @@ impl Writer {
             recording: unique(),
             part: 0,
         };
-        for number in 0..count(path) {
+        for number in 0..count_parts(path) {
             let part = part_path(path, number);
             match identity_of(&part) {
                 Some(of_part) => {

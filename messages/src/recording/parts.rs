@@ -16,7 +16,7 @@ pub fn part_path(recording: &Path, part: u32) -> PathBuf {
 }
 
 /// How many parts of this path there are, one after the other, whosoever they are.
-pub(crate) fn count(recording: &Path) -> u32 {
+pub fn count_parts(recording: &Path) -> u32 {
     (0..)
         .find(|part| !part_path(recording, *part).exists())
         .unwrap_or(u32::MAX)

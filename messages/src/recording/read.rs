@@ -6,16 +6,16 @@ use std::io::{self, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use crate::ledger::Ledger;
+use crate::record::{Codec, DecodeError, Recorded};
+use crate::{Kind, Owned, Topic};
 use mcap::records::ChunkIndex;
-use messages::ledger::Ledger;
-use messages::record::{Codec, DecodeError, Recorded};
-use messages::{Kind, Owned, Topic};
 use thiserror::Error;
 
-use crate::Metadata;
-use crate::file::{Chunk, Contents, FileSchema, first_sequence};
-use crate::metadata::{Identity, LEDGER, MetadataError, NAME, ledger};
-use crate::parts::{count, part_path};
+use super::file::{Chunk, Contents, FileSchema, first_sequence};
+use super::metadata::Metadata;
+use super::metadata::{Identity, LEDGER, MetadataError, NAME, ledger};
+use super::parts::{count_parts, part_path};
 
 /// Why a recording cannot be read.
 #[derive(Debug, Error)]
@@ -95,11 +95,14 @@ pub enum ReadError {
 
 /// One file of a recording.
 #[derive(Debug)]
-pub(crate) struct Part {
-    pub(crate) path: PathBuf,
+pub struct Part {
+    /// Where it lies.
+    pub path: PathBuf,
     file: File,
-    pub(crate) bytes: u64,
-    pub(crate) contents: Contents,
+    /// Its length.
+    pub bytes: u64,
+    /// What it holds.
+    pub contents: Contents,
 }
 
 /// A chunk with messages of a scan.
@@ -171,7 +174,8 @@ pub struct Recording {
     path: PathBuf,
     metadata: Metadata,
     codec: Codec,
-    pub(crate) parts: Vec<Part>,
+    /// Its files, in order.
+    pub parts: Vec<Part>,
     scans: BTreeMap<u64, Held>,
     notes: Vec<String>,
 }
@@ -199,7 +203,7 @@ impl Recording {
             ));
         }
         let mut parts = vec![first];
-        for number in 1..count(path) {
+        for number in 1..count_parts(path) {
             let path = part_path(path, number);
             let part = Part::open(&path);
             let belongs = part.and_then(|part| {
@@ -317,7 +321,7 @@ impl Recording {
     }
 
     /// Of every scan which topics it has.
-    pub(crate) fn topics_by_scan(&self) -> impl Iterator<Item = (u64, BTreeSet<&str>)> {
+    pub fn topics_by_scan(&self) -> impl Iterator<Item = (u64, BTreeSet<&str>)> {
         self.scans.iter().map(|(sequence, held)| {
             let topics = held.places.iter().flat_map(|place| {
                 let contents = &self.parts[place.part].contents;
@@ -343,7 +347,7 @@ impl Recording {
     }
 
     /// All channels there are: topic, message encoding, schema.
-    pub(crate) fn channels(&self) -> BTreeMap<&str, (&str, Option<&FileSchema>)> {
+    pub fn channels(&self) -> BTreeMap<&str, (&str, Option<&FileSchema>)> {
         let mut channels = BTreeMap::new();
         for Part { contents, .. } in &self.parts {
             for channel in contents.channels.values() {
@@ -439,7 +443,7 @@ impl Recording {
     }
 
     /// The scans there are, in words.
-    pub(crate) fn held(&self) -> String {
+    pub fn held(&self) -> String {
         let mut runs: Vec<(u64, u64)> = Vec::new();
         for scan in self.scans() {
             match runs.last_mut() {

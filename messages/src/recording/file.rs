@@ -12,7 +12,7 @@ use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryRead
 use mcap::{MAGIC, McapError, parse_record};
 
 /// Opcode and length in front of every record.
-pub(crate) const RECORD_HEAD: u64 = 1 + 8;
+pub const RECORD_HEAD: u64 = 1 + 8;
 /// No record of a scan is longer, whatever a damaged file says.
 const LONGEST_RECORD: usize = 2 << 30;
 /// Records outside of chunks are small: metadata at most.
@@ -20,29 +20,38 @@ const LONGEST_SMALL_RECORD: u64 = 256 << 20;
 
 /// A kind of message, as a file says it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct FileSchema {
-    pub(crate) name: String,
-    pub(crate) encoding: String,
-    pub(crate) data: Vec<u8>,
+pub struct FileSchema {
+    /// Its name, such as `foxglove.RawImage`.
+    pub name: String,
+    /// How it is written down: `protobuf` or `jsonschema`.
+    pub encoding: String,
+    /// The schema itself.
+    pub data: Vec<u8>,
 }
 
 /// Everything a file holds but its messages.
 #[derive(Debug, Default)]
-pub(crate) struct Contents {
-    pub(crate) library: String,
-    pub(crate) schemas: BTreeMap<u16, FileSchema>,
-    pub(crate) channels: BTreeMap<u16, records::Channel>,
+pub struct Contents {
+    /// The program that wrote it, as it names itself.
+    pub library: String,
+    /// By their numbers.
+    pub schemas: BTreeMap<u16, FileSchema>,
+    /// By their numbers.
+    pub channels: BTreeMap<u16, records::Channel>,
     /// In the order they stand.
-    pub(crate) chunks: Vec<records::ChunkIndex>,
-    pub(crate) metadata: Vec<(records::MetadataIndex, records::Metadata)>,
-    pub(crate) attachments: Vec<records::AttachmentIndex>,
-    pub(crate) counts: BTreeMap<u16, u64>,
+    pub chunks: Vec<records::ChunkIndex>,
+    /// In the order they stand.
+    pub metadata: Vec<(records::MetadataIndex, records::Metadata)>,
+    /// Where they stand; they are not read.
+    pub attachments: Vec<records::AttachmentIndex>,
+    /// Messages a channel.
+    pub counts: BTreeMap<u16, u64>,
     /// Whether the file ends as it should.
-    pub(crate) is_finished: bool,
+    pub is_finished: bool,
     /// Where what is whole ends; what comes after is torn, or the file's own index.
-    pub(crate) whole_until: u64,
+    pub whole_until: u64,
     /// Message indexes of the last chunk, of an unfinished file: they may be torn and are made again.
-    pub(crate) last_indexes: Vec<records::MessageIndex>,
+    pub last_indexes: Vec<records::MessageIndex>,
 }
 
 impl Contents {
@@ -50,7 +59,7 @@ impl Contents {
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub(crate) fn of(file: &mut File) -> io::Result<Option<Self>> {
+    pub fn of(file: &mut File) -> io::Result<Option<Self>> {
         let len = file.seek(SeekFrom::End(0))?;
         let mut magic = [0; MAGIC.len()];
         file.rewind()?;
@@ -392,10 +401,11 @@ fn chunk_index(
 
 /// A chunk's records, decompressed and checked.
 #[derive(Debug, Default)]
-pub(crate) struct Chunk {
-    pub(crate) bytes: Vec<u8>,
+pub struct Chunk {
+    /// The messages, one after the other.
+    pub bytes: Vec<u8>,
     /// Header, and where in the bytes the message lies.
-    pub(crate) messages: Vec<(MessageHeader, Range<usize>)>,
+    pub messages: Vec<(MessageHeader, Range<usize>)>,
     /// Schemas and channels.
     definitions: Vec<Record<'static>>,
     /// For each message where in the chunk its record starts.
@@ -403,7 +413,11 @@ pub(crate) struct Chunk {
 }
 
 impl Chunk {
-    pub(crate) fn load(file: &mut File, index: &records::ChunkIndex) -> Result<Self, McapError> {
+    /// Reads a chunk and checks it.
+    ///
+    /// # Errors
+    /// When it cannot be read or is damaged.
+    pub fn load(file: &mut File, index: &records::ChunkIndex) -> Result<Self, McapError> {
         let mut chunk = Self::default();
         let mut offset = 0;
         visit(file, index, |opcode, body| {
@@ -446,10 +460,13 @@ impl Chunk {
 }
 
 /// Channel, sequence and the two times in front of every message.
-pub(crate) const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
+pub const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
 /// The scan of a chunk's first message, without reading more of the chunk than its beginning.
-pub(crate) fn first_sequence(
+///
+/// # Errors
+/// When it cannot be read.
+pub fn first_sequence(
     file: &mut File,
     index: &records::ChunkIndex,
 ) -> Result<Option<u32>, McapError> {

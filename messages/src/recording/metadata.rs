@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use crate::Rig;
+use crate::ledger::Ledger;
 use mcap::records;
-use messages::Rig;
-use messages::ledger::Ledger;
 use thiserror::Error;
 
 /// The name of the metadata record.
-pub(crate) const NAME: &str = "tricurve";
+pub const NAME: &str = "tricurve";
 /// The name of the record with the ledger, at the end.
-pub(crate) const LEDGER: &str = "tricurve.ledger";
+pub(super) const LEDGER: &str = "tricurve.ledger";
 /// What this program writes and reads.
 const FORMAT: &str = "1";
 
@@ -35,9 +35,11 @@ pub struct Metadata {
 
 /// What tells the parts of one recording from those of another.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Identity {
-    pub(crate) recording: String,
-    pub(crate) part: u32,
+pub struct Identity {
+    /// A name of its own, made up when the recording began.
+    pub recording: String,
+    /// Which part, from 0.
+    pub part: u32,
 }
 
 /// Why a recording's metadata says nothing.
@@ -55,7 +57,8 @@ pub enum MetadataError {
 }
 
 impl Metadata {
-    pub(crate) fn to_record(&self, identity: &Identity) -> records::Metadata {
+    /// As the record that stands in the file.
+    pub fn to_record(&self, identity: &Identity) -> records::Metadata {
         let calibrated = self.rig.calibration.is_some_and(|camera| camera.calibrated);
         let reference = self.rig.views.get(self.reference);
         let pairs = [
@@ -81,9 +84,11 @@ impl Metadata {
         }
     }
 
-    pub(crate) fn from_record(
-        record: &records::Metadata,
-    ) -> Result<(Self, Identity), MetadataError> {
+    /// Back from its record.
+    ///
+    /// # Errors
+    /// When something is missing, unreadable or of a later format.
+    pub fn from_record(record: &records::Metadata) -> Result<(Self, Identity), MetadataError> {
         let text = |key: &'static str| {
             record
                 .metadata
@@ -121,7 +126,7 @@ impl Metadata {
 }
 
 /// The ledger's record.
-pub(crate) fn ledger_record(ledger: &Ledger) -> records::Metadata {
+pub fn ledger_record(ledger: &Ledger) -> records::Metadata {
     let metadata = BTreeMap::from([("ledger".to_owned(), json(ledger))]);
     records::Metadata {
         name: LEDGER.to_owned(),
@@ -130,7 +135,7 @@ pub(crate) fn ledger_record(ledger: &Ledger) -> records::Metadata {
 }
 
 /// The ledger in its record.
-pub(crate) fn ledger(record: &records::Metadata) -> Option<Ledger> {
+pub(super) fn ledger(record: &records::Metadata) -> Option<Ledger> {
     serde_json::from_str(record.metadata.get("ledger")?).ok()
 }
 
@@ -150,7 +155,7 @@ fn parse<T: serde::de::DeserializeOwned>(
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use messages::Size;
+    use crate::Size;
 
     fn metadata() -> Metadata {
         Metadata {

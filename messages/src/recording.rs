@@ -1,0 +1,17 @@
+//! Recordings as they lie on disk: what a file says about itself, its parts as one, and every scan's messages back out.
+//!
+//! ```text
+//! art.mcap, art.1.mcap … ─► Contents ─► Recording ─► Scan ─► Codec::decode ─► Owned<X>, the same bytes
+//! ```
+//!
+//! Who writes them is the node `record`; everybody who reads them, reads them here.
+
+mod file;
+mod metadata;
+mod parts;
+mod read;
+
+pub use file::{Chunk, Contents, FileSchema, MESSAGE_HEAD, RECORD_HEAD, first_sequence};
+pub use metadata::{Identity, Metadata, MetadataError, NAME, ledger_record};
+pub use parts::{count_parts, part_path};
+pub use read::{Part, ReadError, Recording, Scan};
