@@ -111,12 +111,8 @@ impl Graph {
 
     /// Whether every node gets what it takes, and somebody says when a scan is done.
     fn check_pipe(&self) -> Result<(), String> {
-        let makes = |kind: Kind| {
-            self.nodes
-                .iter()
-                .any(|(n, _)| n.stage == Some(kind.stage()))
-        };
-        for (node, _) in self.nodes.iter().filter(|(n, _)| n.stage.is_some()) {
+        let makes = |kind: Kind| self.nodes.iter().any(|(n, _)| n.makes.contains(&kind));
+        for (node, _) in self.nodes.iter().filter(|(n, _)| !n.makes.is_empty()) {
             if let Some(kind) = node.takes.iter().find(|&&kind| !makes(kind)) {
                 let (maker, takes) = (kind.stage().name(), kind.name());
                 return Err(format!(
@@ -157,7 +153,7 @@ impl Graph {
         let plan = |node: &NodeType| NodePlan {
             name: node.name.to_owned(),
             takes: node.takes.to_vec(),
-            stage: node.stage,
+            makes: node.makes.to_vec(),
             finishes: node.finishes,
         };
         self.nodes.iter().map(|(node, _)| plan(node)).collect()
@@ -216,10 +212,7 @@ impl Graph {
         }
         for (maker, _) in &self.nodes {
             for (taker, _) in &self.nodes {
-                let between = taker
-                    .takes
-                    .iter()
-                    .filter(|kind| maker.stage == Some(kind.stage()));
+                let between = taker.takes.iter().filter(|kind| maker.makes.contains(kind));
                 let kinds: Vec<&str> = between.map(|kind| kind.name()).collect();
                 if !kinds.is_empty() {
                     let kinds = kinds.join(", ");

@@ -2,9 +2,9 @@
 
 use std::error::Error;
 
+use messages::Kind;
 use messages::bus::{Bus, Start};
 use messages::settings::{Key, Settings};
-use messages::{Kind, Stage};
 use serde_json::Value;
 
 use crate::cli::Profile;
@@ -21,8 +21,8 @@ pub(crate) struct NodeType {
     pub(crate) about: &'static str,
     /// What it takes in.
     pub(crate) takes: &'static [Kind],
-    /// The stage it plays, if it makes data topics.
-    pub(crate) stage: Option<Stage>,
+    /// What it makes.
+    pub(crate) makes: &'static [Kind],
     /// Whether a scan is done only when it says so.
     pub(crate) finishes: bool,
     /// All keys of its settings.
@@ -37,13 +37,13 @@ pub(crate) struct NodeType {
 
 /// A line of the registry.
 macro_rules! node {
-    ($name:literal, $krate:ident, $about:literal, takes $takes:expr, stage $stage:expr, finishes $finishes:literal,
+    ($name:literal, $krate:ident, $about:literal, takes $takes:expr, makes $makes:expr, finishes $finishes:literal,
      thesis $thesis:expr) => {
         NodeType {
             name: $name,
             about: $about,
             takes: $takes,
-            stage: $stage,
+            makes: $makes,
             finishes: $finishes,
             keys: <$krate::Settings as Settings>::KEYS,
             settings: |profile| match profile {
@@ -59,17 +59,17 @@ macro_rules! node {
 /// All kinds of node, in the order of the pipe.
 pub(crate) const NODES: &[NodeType] = &[
     node!("capture", capture, "where scans come from",
-        takes &[], stage Some(Stage::Capture), finishes false, thesis capture::Settings::default()),
+        takes &[], makes &[Kind::Image], finishes false, thesis capture::Settings::default()),
     node!("filter", filter, "Laplacian of Gaussian, zero-crossings, gradients",
-        takes &[Kind::Image], stage Some(Stage::Filter), finishes false, thesis filter::Settings::thesis()),
+        takes &[Kind::Image], makes &[Kind::Edges], finishes false, thesis filter::Settings::thesis()),
     node!("track", track, "zero-crossings become curves",
-        takes &[Kind::Edges], stage Some(Stage::Track), finishes false, thesis track::Settings::thesis()),
+        takes &[Kind::Edges], makes &[Kind::Curves], finishes false, thesis track::Settings::thesis()),
     node!("hough", hough, "curves become R-tables",
-        takes &[Kind::Curves], stage Some(Stage::Hough), finishes false, thesis hough::Settings::thesis()),
+        takes &[Kind::Curves], makes &[Kind::Tables], finishes false, thesis hough::Settings::thesis()),
     node!("match", matching, "R-tables become matches, disparities and points",
-        takes &[Kind::Curves, Kind::Tables], stage Some(Stage::Match), finishes true, thesis matching::Settings::thesis()),
+        takes &[Kind::Curves, Kind::Tables], makes &[Kind::Matches, Kind::Disparity, Kind::Points], finishes true, thesis matching::Settings::thesis()),
     node!("record", record, "every topic into MCAP",
-        takes &Kind::ALL, stage None, finishes true, thesis record::Settings::default()),
+        takes &Kind::ALL, makes &[], finishes true, thesis record::Settings::default()),
 ];
 
 /// The kind of node of this name.

@@ -15,6 +15,7 @@
 //! they then end by themselves.
 
 mod control;
+mod gate;
 mod inputs;
 mod meter;
 mod outputs;
@@ -35,9 +36,10 @@ use crate::header::Header;
 use crate::ledger::{Account, Ledger, Seen};
 use crate::payload::AnyView;
 use crate::rig::{Delivery, Rig};
-use crate::topic::{Kind, Stage, Topic};
+use crate::topic::{Kind, Topic};
 
 pub use control::{Command, Event, Level, Log, NodeReport, Progress};
+pub use gate::Gate;
 pub use inputs::{Inputs, Joined, Joins, Received};
 pub use meter::{Meter, Percentiles};
 pub use outputs::{Filled, Loan, Outputs};
@@ -51,8 +53,8 @@ pub struct NodePlan {
     pub name: String,
     /// The kinds of message it takes in.
     pub takes: Vec<Kind>,
-    /// The stage it plays, if it makes data topics.
-    pub stage: Option<Stage>,
+    /// The kinds of message it makes.
+    pub makes: Vec<Kind>,
     /// Whether a scan is done only when this node says so.
     pub finishes: bool,
 }
@@ -78,6 +80,12 @@ impl Run {
     /// Messages a subscriber's buffer holds: more than two windows, since a resend can double what is under way.
     pub fn buffer(&self) -> usize {
         2 * self.in_flight + 4
+    }
+
+    /// The kinds of message that are made, in the order of the pipe.
+    pub fn kinds(&self) -> Vec<Kind> {
+        let is_made = |kind: &Kind| self.nodes.iter().any(|n| n.makes.contains(kind));
+        Kind::ALL.into_iter().filter(is_made).collect()
     }
 
     /// The nodes that take this kind of message.
@@ -349,17 +357,14 @@ impl Bus {
                 self.run
                     .nodes
                     .iter()
-                    .filter(|n| n.stage == Some(Stage::Capture)),
+                    .filter(|n| n.makes.contains(&Kind::Image)),
             )?,
             index: index.unwrap_or_default() as u64,
         })
     }
 
     /// Hears which scans are done; for the node at the door.
-    ///
-    /// # Errors
-    /// When the subscriber cannot be made.
-    pub fn dones(&mut self) -> Result<Dones, BusError> {
+    fn dones(&mut self) -> Result<Dones, BusError> {
         let subscriber = Rc::new(self.ports.done_in()?);
         self.subscribers.push(Rc::clone(&subscriber));
         let finishes = |(i, n): (usize, &NodePlan)| n.finishes.then_some(i as u64);
@@ -554,7 +559,7 @@ impl Bus {
     }
 
     /// Tells the launcher how far the scans have come; for the node at the door.
-    pub fn progress(&self, progress: Progress) {
+    fn progress(&self, progress: Progress) {
         self.book.borrow_mut().advance(progress.done_below);
         control::say(&Event::Progress(progress));
     }
@@ -622,7 +627,7 @@ impl Finisher {
 }
 
 /// Hears which scans are done.
-pub struct Dones {
+struct Dones {
     subscriber: Rc<ports::DataSubscriber>,
     finishers: Vec<u64>,
     heard: BTreeMap<u64, Vec<u64>>,
@@ -638,10 +643,7 @@ impl std::fmt::Debug for Dones {
 
 impl Dones {
     /// The next scan that all finishers have said to be done, possibly one that was said before.
-    ///
-    /// # Errors
-    /// When the subscriber fails.
-    pub fn receive(&mut self) -> Result<Option<u64>, BusError> {
+    fn receive(&mut self) -> Result<Option<u64>, BusError> {
         while let Some((header, finisher)) = ports::receive_word(&self.subscriber)? {
             let heard = self.heard.entry(header.sequence).or_default();
             if !heard.contains(&finisher) {
@@ -656,7 +658,7 @@ impl Dones {
     }
 
     /// Forgets what was said of scans below this number.
-    pub fn forget_below(&mut self, sequence: u64) {
+    fn forget_below(&mut self, sequence: u64) {
         self.heard = self.heard.split_off(&sequence);
     }
 }

@@ -15,6 +15,7 @@
 #[cfg(feature = "bus")]
 pub mod bus;
 pub mod calibration;
+pub mod door;
 pub mod header;
 pub mod ledger;
 pub mod payload;

@@ -12,7 +12,6 @@
 
 mod camera_info;
 mod description;
-pub mod door;
 mod error;
 mod folder;
 mod image_file;

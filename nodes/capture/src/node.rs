@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use messages::bus::{Bus, BusError, Dones, Filled, Loan, Outputs, Progress, Request, Start};
+use messages::bus::{Bus, BusError, Filled, Gate, Loan, Outputs, Request, Start};
+use messages::door::UnderWay;
 use messages::{Delivery, Header, Image, Kind, NONE, Rig};
 
-use crate::door::{Door, UnderWay};
 use crate::{Settings, Source, SourceError};
 
 /// Why capture failed.
@@ -28,32 +28,32 @@ const IDLE: Duration = Duration::from_secs(1);
 /// When the bus fails or the source cannot be opened. A scan that cannot be read ends the source: what was admitted
 /// before comes out.
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), CaptureError> {
+    let source = Source::open(&settings)?;
+    let total = source.scans();
     let mut capture = Capture {
-        source: Source::open(&settings)?,
+        source,
         images: bus.outputs(&[Kind::Image])?,
-        dones: bus.dones()?,
-        door: door(bus.run().in_flight, &start.resume),
+        gate: bus.gate(&start.resume, Some(total))?,
         rig: bus.run().rig.clone(),
         start_nanos: settings.start.unwrap_or_default(),
         settings,
     };
     let is_live = bus.run().delivery == Delivery::Live;
-    let total = capture.source.scans();
     let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
     bus.ready()?;
     let began = Instant::now();
-    let ticks_before = capture.door.next_tick();
+    let ticks_before = capture.gate.door().next_tick();
     loop {
-        let is_over = is_draining || failed.is_some() || capture.door.next_tick() >= total;
+        let is_over = is_draining || failed.is_some() || capture.gate.door().next_tick() >= total;
         // A camera has its own time; files are read as fast as they are done with.
-        let since = (capture.door.next_tick() - ticks_before) as f64 / capture.settings.rate;
+        let since = (capture.gate.door().next_tick() - ticks_before) as f64 / capture.settings.rate;
         let due = if is_live {
             began + Duration::from_secs_f64(since)
         } else {
             began
         };
         let is_due = !is_over && due <= Instant::now();
-        let wait = match is_due && (is_live || capture.door.is_open()) {
+        let wait = match is_due && (is_live || capture.gate.door().is_open()) {
             true => Duration::ZERO,
             false if is_over || !is_live => IDLE,
             false => due.saturating_duration_since(Instant::now()).min(IDLE),
@@ -64,54 +64,34 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
             Some(Request::Resend) => capture.resend()?,
             Some(Request::Begin) | None => {}
         }
-        if capture.hear_done()? {
-            bus.progress(capture.progress(total));
-        }
-        if is_due && capture.door.is_open() {
-            match capture.read(capture.door.next_tick()) {
+        capture.gate.hear_done(bus)?;
+        if is_due && capture.gate.door().is_open() {
+            match capture.read(capture.gate.door().next_tick()) {
                 Ok(loans) => {
-                    let scan = capture.door.admit();
-                    // Said before it is sent: a successor knows of every scan that anybody may have seen.
-                    bus.progress(capture.progress(total));
+                    let scan = capture.gate.admit(bus);
                     capture.send(scan, loans)?;
                 }
                 Err(CaptureError::Source(error)) => failed = Some(error.to_string()),
                 Err(error) => return Err(error),
             }
         } else if is_due && is_live {
-            capture.door.refuse("the door was closed");
-            bus.progress(capture.progress(total));
+            capture.gate.refuse(bus, "the door was closed");
         }
-        if is_over && capture.door.is_idle() && !has_finished {
+        if is_over && capture.gate.door().is_idle() && !has_finished {
             has_finished = true;
             match &failed {
-                None => bus.finish(&[("scans", capture.door.admitted())]),
-                Some(why) => bus.finish_failed(why, &[("scans", capture.door.admitted())]),
+                None => bus.finish(&[("scans", capture.gate.door().admitted())]),
+                Some(why) => bus.finish_failed(why, &[("scans", capture.gate.door().admitted())]),
             }
         }
     }
     Ok(())
 }
 
-fn door(width: usize, resume: &Progress) -> Door {
-    let under_way = resume
-        .under_way
-        .iter()
-        .map(|&(sequence, tick)| UnderWay { sequence, tick });
-    Door::resume(
-        width,
-        under_way,
-        resume.admitted,
-        resume.next_tick,
-        resume.refused.clone(),
-    )
-}
-
 struct Capture {
     source: Source,
     images: Outputs,
-    dones: Dones,
-    door: Door,
+    gate: Gate,
     rig: Rig,
     start_nanos: u64,
     settings: Settings,
@@ -144,7 +124,7 @@ impl Capture {
     }
 
     fn send(&mut self, scan: UnderWay, loans: Loans) -> Result<(), CaptureError> {
-        let done_below = self.door.done_below();
+        let done_below = self.gate.door().done_below();
         for (loan, filled, header) in loans {
             let header = Header {
                 sequence: scan.sequence,
@@ -158,36 +138,10 @@ impl Capture {
 
     /// Sends the scans under way once more, the oldest first.
     fn resend(&mut self) -> Result<(), CaptureError> {
-        for scan in self.door.under_way().collect::<Vec<_>>() {
+        for scan in self.gate.door().under_way().collect::<Vec<_>>() {
             let loans = self.read(scan.tick)?;
             self.send(scan, loans)?;
         }
         Ok(())
-    }
-
-    /// Lets the scans that are done out; whether there were any.
-    fn hear_done(&mut self) -> Result<bool, CaptureError> {
-        let mut any = false;
-        while let Some(sequence) = self.dones.receive()? {
-            any |= self.door.done(sequence);
-        }
-        self.dones.forget_below(self.door.done_below());
-        Ok(any)
-    }
-
-    fn progress(&self, total: u64) -> Progress {
-        Progress {
-            admitted: self.door.admitted(),
-            done: self.door.done_count(),
-            done_below: self.door.done_below(),
-            total: Some(total),
-            next_tick: self.door.next_tick(),
-            under_way: self
-                .door
-                .under_way()
-                .map(|scan| (scan.sequence, scan.tick))
-                .collect(),
-            refused: self.door.refused().clone(),
-        }
     }
 }

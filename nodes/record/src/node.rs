@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use messages::bus::{self, Bell, Bus, BusError, Finisher, Joined, Log, NodeReport, Request, Start};
 use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
-use messages::{Header, Kind};
+use messages::Header;
 
 use crate::{
     Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread, seal,
@@ -40,7 +40,7 @@ const LEDGER_EVERY: Duration = Duration::from_secs(1);
 /// # Errors
 /// When the bus fails, a message is damaged, or the file cannot be written; what was written stays readable.
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), RecordError> {
-    let mut scans = bus.joins(&Kind::ALL)?;
+    let mut scans = bus.joins(&bus.run().kinds())?;
     let mut heard = bus.hear_reports()?;
     let done = bus.finisher()?;
     let metadata = metadata(bus, start);

@@ -1,0 +1,92 @@
+//! The gate: the door, and the way to it and from it over the bus.
+
+use super::{Bus, BusError, Dones, Progress};
+use crate::door::{Door, UnderWay};
+
+/// The door of a running graph: hears which scans are done, and tells the launcher how far the scans have come.
+#[derive(Debug)]
+pub struct Gate {
+    door: Door,
+    dones: Dones,
+    total: Option<u64>,
+}
+
+impl Bus {
+    /// The run's gate, as an earlier process left it; for the one node that lets scans in. `total` is how many scans
+    /// its source has, when that is known.
+    ///
+    /// # Errors
+    /// When the subscriber cannot be made.
+    pub fn gate(&mut self, resume: &Progress, total: Option<u64>) -> Result<Gate, BusError> {
+        let under_way = resume
+            .under_way
+            .iter()
+            .map(|&(sequence, tick)| UnderWay { sequence, tick });
+        let door = Door::resume(
+            self.run().in_flight,
+            under_way,
+            resume.admitted,
+            resume.next_tick,
+            resume.refused.clone(),
+        );
+        Ok(Gate {
+            door,
+            dones: self.dones()?,
+            total,
+        })
+    }
+}
+
+impl Gate {
+    /// The door.
+    pub fn door(&self) -> &Door {
+        &self.door
+    }
+
+    /// Lets the source's next scan in. That is said before anything of it is sent, so that a successor of this process
+    /// knows of every scan that anybody may have seen.
+    pub fn admit(&mut self, bus: &Bus) -> UnderWay {
+        let scan = self.door.admit();
+        self.tell(bus);
+        scan
+    }
+
+    /// Turns the source's next scan away, whole.
+    pub fn refuse(&mut self, bus: &Bus, cause: &str) {
+        self.door.refuse(cause);
+        self.tell(bus);
+    }
+
+    /// Lets the scans out that are done.
+    ///
+    /// # Errors
+    /// When the subscriber fails.
+    pub fn hear_done(&mut self, bus: &Bus) -> Result<(), BusError> {
+        let mut any = false;
+        while let Some(sequence) = self.dones.receive()? {
+            any |= self.door.done(sequence);
+        }
+        self.dones.forget_below(self.door.done_below());
+        if any {
+            self.tell(bus);
+        }
+        Ok(())
+    }
+
+    /// Tells how far the scans have come.
+    fn tell(&self, bus: &Bus) {
+        bus.progress(Progress {
+            admitted: self.door.admitted(),
+            done: self.door.done_count(),
+            done_below: self.door.done_below(),
+            total: self.total,
+            next_tick: self.door.next_tick(),
+            under_way: self
+                .door
+                .under_way()
+                .map(|scan| (scan.sequence, scan.tick))
+                .collect(),
+            refused: self.door.refused().clone(),
+        });
+    }
+}
