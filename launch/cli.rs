@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use messages::Delivery;
+use messages::{Delivery, Stage};
 
 /// Depth from one camera moved along a rail, or three in a row, by matching curves.
 #[derive(Debug, Parser)]
@@ -20,6 +20,8 @@ Exit codes: 0 done, 1 failed, 2 wrong use, 3 finished but data was lost, 130 abo
 pub(crate) enum Command {
     /// Run a graph: scans go in, matches, disparities and points come out, everything is recorded
     Run(Run),
+    /// Play a recording: from any stage on it is computed anew, recorded or compared with what was recorded
+    Replay(Replay),
     /// Show what a recording holds
     Info(Info),
     /// Write a recording's results as CSV, PFM, PLY and pictures
@@ -97,6 +99,115 @@ pub(crate) struct Run {
     /// Set one key of one node
     #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// The stages, as on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum StageArg {
+    Capture,
+    Filter,
+    Track,
+    Hough,
+    Match,
+}
+
+impl From<StageArg> for Stage {
+    fn from(stage: StageArg) -> Self {
+        match stage {
+            StageArg::Capture => Self::Capture,
+            StageArg::Filter => Self::Filter,
+            StageArg::Track => Self::Track,
+            StageArg::Hough => Self::Hough,
+            StageArg::Match => Self::Match,
+        }
+    }
+}
+
+/// A range of scans.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scans {
+    pub(crate) first: u64,
+    pub(crate) end: Option<u64>,
+}
+
+impl std::str::FromStr for Scans {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("expected A..B, A.. or ..B with A before B, not {text:?}");
+        let (first, end) = text.split_once("..").ok_or_else(wrong)?;
+        let number = |text: &str| match text.trim() {
+            "" => Ok(None),
+            text => text.parse().map(Some).map_err(|_| wrong()),
+        };
+        let scans = Self {
+            first: number(first)?.unwrap_or(0),
+            end: number(end)?,
+        };
+        match scans.end.is_some_and(|end| end <= scans.first) {
+            true => Err(wrong()),
+            false => Ok(scans),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Replay {
+    /// The recording; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    /// The first stage that computes anew; what was recorded of the stages before it is played
+    #[arg(long, value_enum, default_value = "capture", value_name = "STAGE")]
+    pub(crate) from: StageArg,
+    /// The last stage that computes
+    #[arg(long, value_enum, default_value = "match", value_name = "STAGE")]
+    pub(crate) to: StageArg,
+    /// Play in the recording's own time, this many times as fast; without it, as fast as the graph goes
+    #[arg(long, value_name = "R", conflicts_with = "lockstep")]
+    pub(crate) rate: Option<f64>,
+    /// Play as fast as the graph goes, the default
+    #[arg(long)]
+    pub(crate) lockstep: bool,
+    /// Begin again at the end; scans go on being numbered
+    #[arg(long = "loop", conflicts_with = "verify")]
+    pub(crate) repeat: bool,
+    /// Leave out so many seconds at the beginning
+    #[arg(long, value_name = "S", conflicts_with = "scans")]
+    pub(crate) start_offset: Option<f64>,
+    /// Play only so many seconds
+    #[arg(long, value_name = "S", conflicts_with = "scans")]
+    pub(crate) duration: Option<f64>,
+    /// Play only the scans from A on, before B
+    #[arg(long, value_name = "A..B")]
+    pub(crate) scans: Option<Scans>,
+    /// Which of the topics computed anew are recorded, by the first part of their names
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "edges,curves",
+        requires = "record"
+    )]
+    pub(crate) topics: Option<Vec<String>>,
+    /// Begin with a pause
+    #[arg(long)]
+    pub(crate) start_paused: bool,
+    /// Set one key of one node, other than it was
+    #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Record what is computed anew
+    #[arg(long, value_name = "FILE", conflicts_with = "no_record")]
+    pub(crate) record: Option<PathBuf>,
+    /// Record nothing, the default
+    #[arg(long)]
+    pub(crate) no_record: bool,
+    /// Overwrite a recording that is there already
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Compare what is computed with what was recorded, byte for byte
+    #[arg(long)]
+    pub(crate) verify: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -5,6 +5,7 @@ mod completions;
 mod export;
 mod graph;
 mod info;
+mod replay;
 mod run;
 mod validate;
 
@@ -15,6 +16,7 @@ use crate::{Failure, Outcome};
 pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
         Command::Run(args) => run::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Validate(args) => validate::run(&args),

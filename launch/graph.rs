@@ -29,6 +29,9 @@ messages::settings! {
 /// The table of a graph file that concerns the graph as a whole.
 const GRAPH: &str = "graph";
 
+/// The nodes that let scans in.
+const SOURCES: [&str; 2] = ["capture", "replay"];
+
 /// A graph, checked: nodes with whole settings.
 #[derive(Clone, Debug)]
 pub(crate) struct Graph {
@@ -56,10 +59,18 @@ impl Graph {
 
     fn parse(text: &str, profile: Profile, overrides: &Overrides) -> Result<Self, String> {
         let table: toml::Table = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
-        let file = serde_json::to_value(table).map_err(|e| e.to_string())?;
-        let Value::Object(mut tables) = file else {
-            return Err("expected tables".to_owned());
-        };
+        match serde_json::to_value(table).map_err(|e| e.to_string())? {
+            Value::Object(tables) => Self::of_tables(tables, profile, overrides),
+            _ => Err("expected tables".to_owned()),
+        }
+    }
+
+    /// The graph of these tables, one a node, with what `overrides` set.
+    pub(crate) fn of_tables(
+        mut tables: Map<String, Value>,
+        profile: Profile,
+        overrides: &Overrides,
+    ) -> Result<Self, String> {
         for name in tables.keys() {
             known_node(name)?;
         }
@@ -109,10 +120,25 @@ impl Graph {
         Ok(graph)
     }
 
-    /// Whether every node gets what it takes, and somebody says when a scan is done.
+    /// Whether scans come in at one place, every node gets what it takes, and somebody says when a scan is done.
     fn check_pipe(&self) -> Result<(), String> {
-        let makes = |kind: Kind| self.nodes.iter().any(|(n, _)| n.makes.contains(&kind));
-        for (node, _) in self.nodes.iter().filter(|(n, _)| !n.makes.is_empty()) {
+        let is_source = |(node, _): &&(&NodeType, Value)| SOURCES.contains(&node.name);
+        if self.nodes.iter().filter(is_source).count() != 1 {
+            let sources = SOURCES.map(|name| format!("[{name}]")).join(" or ");
+            return Err(format!(
+                "a graph needs one place where scans come in: {sources}"
+            ));
+        }
+        let makes = |kind: Kind| {
+            self.nodes
+                .iter()
+                .any(|(n, settings)| (n.makes)(settings).contains(&kind))
+        };
+        let links = self
+            .nodes
+            .iter()
+            .filter(|(n, settings)| !(n.makes)(settings).is_empty());
+        for (node, _) in links {
             if let Some(kind) = node.takes.iter().find(|&&kind| !makes(kind)) {
                 let (maker, takes) = (kind.stage().name(), kind.name());
                 return Err(format!(
@@ -121,12 +147,24 @@ impl Graph {
                 ));
             }
         }
-        for needed in ["capture", "match"] {
-            if !self.has(needed) {
-                return Err(format!("a graph needs [{needed}]"));
-            }
+        if !self.nodes.iter().any(|(node, _)| node.finishes) {
+            let finishers = NODES.iter().filter(|node| node.finishes);
+            let names: Vec<String> = finishers.map(|node| format!("[{}]", node.name)).collect();
+            return Err(format!(
+                "nothing would be done with the results: a graph needs {}",
+                names.join(" or ")
+            ));
         }
         Ok(())
+    }
+
+    /// The settings of the node where scans come in.
+    pub(crate) fn source_settings(&self) -> &Value {
+        let source = self
+            .nodes
+            .iter()
+            .find(|(node, _)| SOURCES.contains(&node.name));
+        source.map_or(&Value::Null, |(_, settings)| settings)
     }
 
     pub(crate) fn has(&self, name: &str) -> bool {
@@ -150,13 +188,13 @@ impl Graph {
 
     /// The nodes, as they need to know each other.
     pub(crate) fn node_plans(&self) -> Vec<NodePlan> {
-        let plan = |node: &NodeType| NodePlan {
+        let plan = |(node, settings): &(&NodeType, Value)| NodePlan {
             name: node.name.to_owned(),
             takes: node.takes.to_vec(),
-            makes: node.makes.to_vec(),
+            makes: (node.makes)(settings),
             finishes: node.finishes,
         };
-        self.nodes.iter().map(|(node, _)| plan(node)).collect()
+        self.nodes.iter().map(plan).collect()
     }
 
     /// The whole effective configuration.
@@ -210,9 +248,11 @@ impl Graph {
             )
             .unwrap_or_default();
         }
-        for (maker, _) in &self.nodes {
+        let source = self.nodes.first().map_or("", |(node, _)| node.name);
+        for (maker, settings) in &self.nodes {
+            let makes = (maker.makes)(settings);
             for (taker, _) in &self.nodes {
-                let between = taker.takes.iter().filter(|kind| maker.makes.contains(kind));
+                let between = taker.takes.iter().filter(|kind| makes.contains(kind));
                 let kinds: Vec<&str> = between.map(|kind| kind.name()).collect();
                 if !kinds.is_empty() {
                     let kinds = kinds.join(", ");
@@ -221,7 +261,7 @@ impl Graph {
                 }
             }
             if maker.finishes {
-                writeln!(text, "    {} -.->|done| capture", maker.name).unwrap_or_default();
+                writeln!(text, "    {} -.->|done| {source}", maker.name).unwrap_or_default();
             }
         }
         text

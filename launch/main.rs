@@ -10,7 +10,10 @@
 mod cli;
 mod commands;
 mod graph;
+mod keys;
+mod launcher;
 mod node;
+mod progress;
 mod registry;
 mod rundir;
 mod supervisor;

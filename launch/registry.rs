@@ -21,8 +21,8 @@ pub(crate) struct NodeType {
     pub(crate) about: &'static str,
     /// What it takes in.
     pub(crate) takes: &'static [Kind],
-    /// What it makes.
-    pub(crate) makes: &'static [Kind],
+    /// What it makes with these settings.
+    pub(crate) makes: fn(&Value) -> Vec<Kind>,
     /// Whether a scan is done only when it says so.
     pub(crate) finishes: bool,
     /// All keys of its settings.
@@ -37,7 +37,7 @@ pub(crate) struct NodeType {
 
 /// A line of the registry.
 macro_rules! node {
-    ($name:literal, $krate:ident, $about:literal, takes $takes:expr, makes $makes:expr, finishes $finishes:literal,
+    ($name:literal, $($krate:ident)::+, $about:literal, takes $takes:expr, makes $makes:expr, finishes $finishes:literal,
      thesis $thesis:expr) => {
         NodeType {
             name: $name,
@@ -45,13 +45,13 @@ macro_rules! node {
             takes: $takes,
             makes: $makes,
             finishes: $finishes,
-            keys: <$krate::Settings as Settings>::KEYS,
+            keys: <$($krate)::+::Settings as Settings>::KEYS,
             settings: |profile| match profile {
-                Profile::Default => json(&$krate::Settings::default()),
+                Profile::Default => json(&$($krate)::+::Settings::default()),
                 Profile::Thesis => json(&$thesis),
             },
-            check: |value| parse::<$krate::Settings>(value).map(drop),
-            run: |bus, value, start| Ok($krate::node::run(bus, parse(value)?, start)?),
+            check: |value| parse::<$($krate)::+::Settings>(value).map(drop),
+            run: |bus, value, start| Ok($($krate)::+::node::run(bus, parse(value)?, start)?),
         }
     };
 }
@@ -59,18 +59,27 @@ macro_rules! node {
 /// All kinds of node, in the order of the pipe.
 pub(crate) const NODES: &[NodeType] = &[
     node!("capture", capture, "where scans come from",
-        takes &[], makes &[Kind::Image], finishes false, thesis capture::Settings::default()),
+        takes &[], makes |_| vec![Kind::Image], finishes false, thesis capture::Settings::default()),
+    node!("replay", replay, "a recording in place of the stages before the cut",
+        takes &[], makes replayed, finishes false, thesis replay::Settings::default()),
     node!("filter", filter, "Laplacian of Gaussian, zero-crossings, gradients",
-        takes &[Kind::Image], makes &[Kind::Edges], finishes false, thesis filter::Settings::thesis()),
+        takes &[Kind::Image], makes |_| vec![Kind::Edges], finishes false, thesis filter::Settings::thesis()),
     node!("track", track, "zero-crossings become curves",
-        takes &[Kind::Edges], makes &[Kind::Curves], finishes false, thesis track::Settings::thesis()),
+        takes &[Kind::Edges], makes |_| vec![Kind::Curves], finishes false, thesis track::Settings::thesis()),
     node!("hough", hough, "curves become R-tables",
-        takes &[Kind::Curves], makes &[Kind::Tables], finishes false, thesis hough::Settings::thesis()),
+        takes &[Kind::Curves], makes |_| vec![Kind::Tables], finishes false, thesis hough::Settings::thesis()),
     node!("match", matching, "R-tables become matches, disparities and points",
-        takes &[Kind::Curves, Kind::Tables], makes &[Kind::Matches, Kind::Disparity, Kind::Points], finishes true, thesis matching::Settings::thesis()),
+        takes &[Kind::Curves, Kind::Tables], makes |_| vec![Kind::Matches, Kind::Disparity, Kind::Points], finishes true, thesis matching::Settings::thesis()),
     node!("record", record, "every topic into MCAP",
-        takes &Kind::ALL, makes &[], finishes true, thesis record::Settings::default()),
+        takes &Kind::ALL, makes |_| vec![], finishes true, thesis record::Settings::default()),
+    node!("verify", replay::verify, "compares what is computed with what was recorded",
+        takes &Kind::ALL, makes |_| vec![], finishes true, thesis replay::verify::Settings::default()),
 ];
+
+fn replayed(settings: &Value) -> Vec<Kind> {
+    let settings = parse::<replay::Settings>(settings).unwrap_or_default();
+    replay::replayed_kinds(settings.from)
+}
 
 /// The kind of node of this name.
 pub(crate) fn find(name: &str) -> Option<&'static NodeType> {

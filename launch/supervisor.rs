@@ -17,6 +17,7 @@ use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use messages::bus::{Command, Event, Level, Log, NodeReport, Progress};
 use messages::ledger::Ledger;
 
+use crate::keys::{self, Key, Keys};
 use crate::{Failure, Outcome};
 
 /// What the supervisor is told.
@@ -48,6 +49,8 @@ pub(crate) struct Ran {
 pub(crate) trait Watcher {
     /// How far the scans have come.
     fn progress(&mut self, progress: &Progress);
+    /// Whether keys control how the run goes on.
+    fn has_keys(&self) -> bool;
     /// Something to tell the user.
     fn say(&mut self, level: Level, node: &str, text: &str);
 }
@@ -58,6 +61,7 @@ enum News {
     /// A node's standard output ended: it is dead.
     Gone(usize, u32),
     Signal,
+    Key(Key),
 }
 
 struct Node {
@@ -109,6 +113,13 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
     pub(crate) fn run(duty: Duty<'a>, watcher: &'a mut W) -> Result<Ran, Failure> {
         let (teller, news) = unbounded();
         let signals = signals(&teller)?;
+        let keys = watcher
+            .has_keys()
+            .then(|| listen_to_keys(&teller))
+            .flatten();
+        if keys.is_some() {
+            watcher.say(Level::Info, "launch", keys::HELP);
+        }
         let mut supervisor = Self {
             duty,
             watcher,
@@ -129,6 +140,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             end(node);
         }
         signals.close();
+        drop(keys);
         result
     }
 
@@ -231,7 +243,8 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                 self.event(place, event)
             }
             Ok(News::Gone(place, life)) if self.nodes[place].life == life => self.gone(place)?,
-            Ok(News::Signal) => {
+            Ok(News::Key(Key::Play(play))) => self.nodes[0].tell(&Command::Play { play }),
+            Ok(News::Signal | News::Key(Key::End)) => {
                 self.signals += 1;
                 if self.signals == 1 {
                     self.watcher.say(
@@ -471,6 +484,11 @@ fn how_it_ended(status: ExitStatus) -> String {
         (Some(code), None) => format!("ended with code {code}"),
         (None, None) => "ended".to_owned(),
     }
+}
+
+fn listen_to_keys(teller: &Sender<News>) -> Option<Keys> {
+    let teller = teller.clone();
+    Keys::listen(move |key| teller.send(News::Key(key)).unwrap_or_default())
 }
 
 /// Hears SIGINT and SIGTERM, which mean the same.

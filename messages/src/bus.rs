@@ -38,7 +38,7 @@ use crate::payload::AnyView;
 use crate::rig::{Delivery, Rig};
 use crate::topic::{Kind, Topic};
 
-pub use control::{Command, Event, Level, Log, NodeReport, Progress};
+pub use control::{Command, Event, Level, Log, NodeReport, Play, Progress};
 pub use gate::Gate;
 pub use inputs::{Inputs, Joined, Joins, Received};
 pub use meter::{Meter, Percentiles};
@@ -247,6 +247,8 @@ pub enum Request {
     Resend,
     /// Finish: take in no new scan, let the pipe drain.
     Drain,
+    /// Play otherwise.
+    Play(Play),
     /// End now; the whole run's ledger, for who records it. Without one the launcher is dead.
     Stop(Option<Box<Ledger>>),
 }
@@ -513,6 +515,7 @@ impl Bus {
                 Command::Begin => self.waiting.push_back(Request::Begin),
                 Command::Resend => self.waiting.push_back(Request::Resend),
                 Command::Drain => self.waiting.push_back(Request::Drain),
+                Command::Play { play } => self.waiting.push_back(Request::Play(play)),
                 Command::Stop { ledger } => {
                     self.waiting.push_back(Request::Stop(ledger.map(Box::new)));
                 }

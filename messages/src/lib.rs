@@ -30,10 +30,10 @@ pub mod topic;
 pub use calibration::Calibration;
 pub use header::{Header, NONE, Size};
 pub use payload::{
-    AnyView, Curve, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, DisparityView, Edge,
-    Edges, EdgesRoom, EdgesView, Entry, Image, ImageRoom, ImageView, List, Match, MatchPoint,
-    Matches, MatchesRoom, MatchesView, Message, Owned, Point, Points, PointsRoom, PointsView,
-    Table, Tables, TablesRoom, TablesView,
+    AnyView, Curve, Curves, CurvesRoom, CurvesView, Difference, Disparity, DisparityRoom,
+    DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Image, ImageRoom, ImageView, List,
+    Match, MatchPoint, Matches, MatchesRoom, MatchesView, Message, Owned, Point, Points,
+    PointsRoom, PointsView, Table, Tables, TablesRoom, TablesView,
 };
 pub use rig::{Delivery, Rig, View};
 pub use topic::{Kind, Stage, Topic};

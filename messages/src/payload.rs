@@ -300,6 +300,40 @@ pub trait Message: 'static {
     }
 }
 
+/// Where two messages of one kind differ first.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Difference {
+    /// In which section.
+    pub section: &'static str,
+    /// At which element.
+    pub element: usize,
+    /// The element of one message, as text; `None` when it ends before.
+    pub one: Option<String>,
+    /// The element of the other.
+    pub other: Option<String>,
+}
+
+/// Compares byte for byte: what is not a number equals itself.
+fn difference<T: Pod + std::fmt::Debug>(
+    section: &'static str,
+    one: &[T],
+    other: &[T],
+) -> Option<Difference> {
+    if bytemuck::cast_slice::<T, u8>(one) == bytemuck::cast_slice::<T, u8>(other) {
+        return None;
+    }
+    let differs = |(a, b): (&T, &T)| bytemuck::bytes_of(a) != bytemuck::bytes_of(b);
+    let element = one.iter().zip(other).position(differs);
+    let element = element.unwrap_or(one.len().min(other.len()));
+    let text = |list: &[T]| list.get(element).map(|value| format!("{value:?}"));
+    Some(Difference {
+        section,
+        element,
+        one: text(one),
+        other: text(other),
+    })
+}
+
 /// One kind of message: its three types and its line in the trait.
 macro_rules! message {
     ($(#[$about:meta])* $name:ident, $view:ident, $room:ident {
@@ -320,6 +354,13 @@ macro_rules! message {
         /// As its maker fills it.
         #[derive(Debug)]
         pub struct $room<'a> { $($(#[$doc])* pub $section: List<'a, $element>,)+ }
+
+        impl $view<'_> {
+            /// Where this differs first from another message, byte for byte.
+            pub fn difference(&self, other: &$view<'_>) -> Option<Difference> {
+                None$(.or_else(|| difference(stringify!($section), self.$section, other.$section)))+
+            }
+        }
 
         impl $room<'_> {
             /// Empties every section.
@@ -477,6 +518,21 @@ macro_rules! any_view {
             pub const fn kind(&self) -> Kind {
                 match self {
                     $(Self::$name(_) => Kind::$name,)+
+                }
+            }
+        }
+
+        impl AnyView<'_> {
+            /// Where two messages differ first, byte for byte; messages of different kinds differ before everything.
+            pub fn difference(&self, other: &AnyView<'_>) -> Option<Difference> {
+                match (self, other) {
+                    $((Self::$name(one), AnyView::$name(other)) => one.difference(other),)+
+                    _ => Some(Difference {
+                        section: "kind",
+                        element: 0,
+                        one: Some(self.kind().name().to_owned()),
+                        other: Some(other.kind().name().to_owned()),
+                    }),
                 }
             }
         }

@@ -23,11 +23,30 @@ pub enum Command {
     Resend,
     /// Take in no new scan; say [`Event::Finished`] when the last one is done.
     Drain,
+    /// Play otherwise; for the node that replays.
+    Play {
+        /// How.
+        play: Play,
+    },
     /// End.
     Stop {
         /// The whole run's account.
         ledger: Option<Ledger>,
     },
+}
+
+/// How a replay is to go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Play {
+    /// Stop playing, or go on.
+    Pause,
+    /// One scan, then pause.
+    Step,
+    /// At twice the rate.
+    Faster,
+    /// At half the rate.
+    Slower,
 }
 
 /// How grave a log line is.

@@ -175,4 +175,9 @@ impl<M: Message> Loan<M> {
         let have = words.len();
         M::room(words, self.room).ok_or_else(|| BusError::port("fit a message into words", have))
     }
+
+    /// What was filled in, as its readers will see it.
+    pub fn view(&mut self, filled: &Filled) -> Option<M::View<'_>> {
+        M::view(self.sample.payload_mut(), self.room, filled.lens)
+    }
 }

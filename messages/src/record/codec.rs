@@ -118,25 +118,44 @@ impl Codec {
         beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
         message: &mut Owned<M>,
     ) -> Result<(), DecodeError> {
+        let header =
+            message.fill(|room| self.decode_room::<M>(topic, sequence, nanos, bytes, beside, room));
+        let lens = message.header.lens;
+        message.header = Header { lens, ..header? };
+        match M::is_sound(message.view()) {
+            true => Ok(()),
+            false => Err(DecodeError::Unsound),
+        }
+    }
+
+    /// [`decode`](Self::decode) into a room, which may lie in shared memory; gives the header but for the lengths.
+    /// Whether what the room then shows is [sound](Recorded::is_sound) is for the caller to see.
+    ///
+    /// # Errors
+    /// As [`decode`](Self::decode); the room is then worthless.
+    pub fn decode_room<'a, M: Recorded>(
+        &self,
+        topic: &Topic,
+        sequence: u64,
+        nanos: u64,
+        bytes: &'a [u8],
+        beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
+        room: &mut M::Room<'_>,
+    ) -> Result<Header, DecodeError> {
         if topic.kind != M::KIND {
             return Err(DecodeError::Layout("kind"));
         }
-        let size = message.fill(|room| M::read(bytes, self.rig.size, beside, room))?;
-        if !M::is_sound(message.view()) {
-            return Err(DecodeError::Unsound);
-        }
+        let size = M::read(bytes, self.rig.size, beside, room)?;
         let position_m = match topic.view {
             NONE => 0.0,
             view => self.rig.position_m(view as usize, size),
         };
-        message.header = Header {
+        Ok(Header {
             position_m,
             view: topic.view,
             channel: topic.channel,
-            lens: message.header.lens,
             ..Header::new(sequence, nanos, size)
-        };
-        Ok(())
+        })
     }
 }
 

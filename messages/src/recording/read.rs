@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::ledger::Ledger;
 use crate::record::{Codec, DecodeError, Recorded};
-use crate::{Kind, Owned, Topic};
+use crate::{Header, Kind, Owned, Topic};
 use mcap::records::ChunkIndex;
 use thiserror::Error;
 
@@ -145,26 +145,60 @@ impl Scan {
             .map(|(_, bytes)| bytes)
     }
 
+    /// The message of a data topic, read into a room; gives its header but for the lengths. Whether what the room then
+    /// shows is [sound](Recorded::is_sound) is for the caller to see.
+    ///
+    /// # Errors
+    /// When there is none, or it is damaged.
+    pub fn decode_room<M: Recorded>(
+        &self,
+        codec: &Codec,
+        topic: &Topic,
+        room: &mut M::Room<'_>,
+    ) -> Result<Header, ReadError> {
+        let beside = |kind| self.message(&codec.beside(topic, kind)?.name);
+        let bytes = self.needed(topic)?;
+        codec
+            .decode_room::<M>(topic, self.sequence, self.nanos, bytes, &beside, room)
+            .map_err(|source| self.damaged(topic, source))
+    }
+
+    /// The error that says a message's indices lead out of it.
+    pub fn unsound(&self, topic: &Topic) -> ReadError {
+        self.damaged(topic, DecodeError::Unsound)
+    }
+
+    fn damaged(&self, topic: &Topic, source: DecodeError) -> ReadError {
+        ReadError::Message {
+            scan: self.sequence,
+            topic: topic.name.clone(),
+            source,
+        }
+    }
+
+    fn needed(&self, topic: &Topic) -> Result<&[u8], ReadError> {
+        self.message(&topic.name)
+            .ok_or_else(|| ReadError::NoMessage {
+                scan: self.sequence,
+                topic: topic.name.clone(),
+            })
+    }
+
     /// The message of a data topic, as its makers made it.
     ///
     /// # Errors
     /// When there is none, or it is damaged.
     pub fn decode<M: Recorded>(&self, codec: &Codec, topic: &Topic) -> Result<Owned<M>, ReadError> {
-        let scan = self.sequence;
-        let bytes = self
-            .message(&topic.name)
-            .ok_or_else(|| ReadError::NoMessage {
-                scan,
-                topic: topic.name.clone(),
-            })?;
         let beside = |kind| self.message(&codec.beside(topic, kind)?.name);
         codec
-            .decode(topic, scan, self.nanos, bytes, &beside)
-            .map_err(|source| ReadError::Message {
-                scan,
-                topic: topic.name.clone(),
-                source,
-            })
+            .decode(
+                topic,
+                self.sequence,
+                self.nanos,
+                self.needed(topic)?,
+                &beside,
+            )
+            .map_err(|source| self.damaged(topic, source))
     }
 }
 
@@ -338,10 +372,18 @@ impl Recording {
         let recorded = self.channels();
         let mut data = Topic::all(&self.metadata.rig);
         data.retain(|topic| recorded.contains_key(&*topic.name));
-        let is_whole = |topics: &BTreeSet<&str>| data.iter().all(|t| topics.contains(&*t.name));
+        match data.is_empty() {
+            true => Vec::new(),
+            false => self.scans_with(&data),
+        }
+    }
+
+    /// The scans that have a message of each of these topics, in order.
+    pub fn scans_with(&self, wanted: &[Topic]) -> Vec<u64> {
+        let has_all = |topics: &BTreeSet<&str>| wanted.iter().all(|t| topics.contains(&*t.name));
         let scans = self.topics_by_scan();
         scans
-            .filter(|(_, topics)| !data.is_empty() && is_whole(topics))
+            .filter(|(_, topics)| has_all(topics))
             .map(|(scan, _)| scan)
             .collect()
     }

@@ -62,7 +62,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
             Some(Request::Stop(_)) => break,
             Some(Request::Drain) => is_draining = true,
             Some(Request::Resend) => capture.resend()?,
-            Some(Request::Begin) | None => {}
+            Some(Request::Begin | Request::Play(_)) | None => {}
         }
         capture.gate.hear_done(bus)?;
         if is_due && capture.gate.door().is_open() {

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use messages::Header;
 use messages::bus::{self, Bell, Bus, BusError, Finisher, Joined, Log, NodeReport, Request, Start};
 use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
-use messages::Header;
 
 use crate::{
     Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread, seal,

@@ -11,15 +11,34 @@ use crate::supervisor::Watcher;
 /// How often a plain line is written.
 const LINE_EVERY: Duration = Duration::from_secs(2);
 
+/// When the scans of a recording were taken, in nanoseconds since 1970.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Timeline(pub(crate) Vec<u64>);
+
+impl Timeline {
+    /// How far a replay has come after so many scans, and how long a round is.
+    fn position(&self, scans: u64) -> Option<String> {
+        let (first, last) = (*self.0.first()?, *self.0.last()?);
+        let seconds = |nanos: u64| nanos.saturating_sub(first) as f64 / 1e9;
+        let len = self.0.len() as u64;
+        let now = match scans {
+            0 => first,
+            _ => self.0[((scans - 1) % len) as usize],
+        };
+        Some(format!("{:.1} of {:.1} s", seconds(now), seconds(last)))
+    }
+}
+
 pub(crate) struct Progress {
     bar: Option<ProgressBar>,
     is_quiet: bool,
+    timeline: Option<Timeline>,
     began: Option<Instant>,
     next_line: Instant,
 }
 
 impl Progress {
-    pub(crate) fn new(is_quiet: bool) -> Self {
+    pub(crate) fn new(is_quiet: bool, timeline: Option<Timeline>) -> Self {
         let on_terminal = std::io::stderr().is_terminal() && !is_quiet;
         let style = ProgressStyle::with_template("{bar:32} {pos}/{len} scans  {msg}  {elapsed}");
         let bar = on_terminal
@@ -27,6 +46,7 @@ impl Progress {
         Self {
             bar,
             is_quiet,
+            timeline,
             began: None,
             next_line: Instant::now(),
         }
@@ -50,7 +70,10 @@ impl Watcher for Progress {
             String::new()
         };
         let under_way = progress.admitted - progress.done.min(progress.admitted);
-        let message = format!("{rate:.1} triples/s, {under_way} under way{dropped}");
+        let position = self.timeline.as_ref();
+        let position = position.and_then(|timeline| timeline.position(progress.next_tick));
+        let position = position.map_or(String::new(), |position| format!("{position}, "));
+        let message = format!("{position}{rate:.1} triples/s, {under_way} under way{dropped}");
         if let Some(bar) = &self.bar {
             bar.set_length(progress.total.unwrap_or(progress.admitted));
             bar.set_position(progress.done);
@@ -62,6 +85,10 @@ impl Watcher for Progress {
                 .map_or(String::new(), |total| format!("/{total}"));
             eprintln!("{}{total} scans, {message}", progress.done);
         }
+    }
+
+    fn has_keys(&self) -> bool {
+        self.timeline.is_some() && !self.is_quiet
     }
 
     fn say(&mut self, level: Level, node: &str, text: &str) {

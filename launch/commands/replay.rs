@@ -1,0 +1,315 @@
+//! `tricurve replay`: plays a recording into the stages after a cut.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+use messages::recording::Recording;
+use messages::{Kind, Rig, Stage};
+use replay::verify::Findings;
+use replay::{Selection, replayed_kinds};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::run::{recording, table};
+use crate::cli::{Profile, Replay as Args};
+use crate::graph::{Graph, Overrides};
+use crate::launcher::{Launch, launch};
+use crate::progress::Timeline;
+use crate::{Failure, Outcome};
+
+pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let path = std::path::absolute(&args.file).map_err(Failure::failed)?;
+    let source = Recording::open(&path).map_err(Failure::failed)?;
+    for note in source.notes() {
+        eprintln!("replay: {note}");
+    }
+    let from = Stage::from(args.from);
+    let (first, end) = range(args, &source);
+    let selection = Selection::of(&source, from, first, end).map_err(Failure::failed)?;
+    if selection.broken > 0 {
+        let (broken, all) = (selection.broken, selection.broken + selection.scans.len());
+        eprintln!("replay: warning: {broken} of {all} scans are not whole and are left out");
+    }
+    let recorded = &source.metadata().configuration;
+    let mut graph = graph(args, from, first, end, &path, recorded)?;
+    let new_recording = recording(&mut graph)?;
+    let changed = changes(&graph, recorded);
+    let rig = rig(&graph, &source)?;
+    let names = &source.metadata().scans;
+    let name = |&(scan, _): &(u64, u64)| {
+        let turn = scan.checked_rem(names.len() as u64)?;
+        names.get(turn as usize).cloned()
+    };
+    let (ran, dir) = launch(Launch {
+        graph: &graph,
+        rig,
+        scans: selection.scans.iter().map_while(name).collect(),
+        remarks: vec![("changed", json!(changed))],
+        is_quiet: args.json,
+        timeline: Some(Timeline(
+            selection.scans.iter().map(|(_, nanos)| *nanos).collect(),
+        )),
+    })?;
+    let summary = table::Summary::new(&ran, new_recording.as_deref());
+    let verified = args.verify.then(|| {
+        let found = std::fs::read(dir.path().join(Findings::FILE)).unwrap_or_default();
+        let findings = serde_json::from_slice(&found).unwrap_or_default();
+        Verified::new(findings, ran.ledger.done, &replayed_kinds(from))
+    });
+    let outcome = match (&verified, ran.outcome) {
+        (Some(verified), Outcome::Done) if !verified.equal => Outcome::Lost,
+        (_, outcome) => outcome,
+    };
+    let report = Report {
+        summary,
+        changed,
+        verified,
+    };
+    match args.json {
+        true => super::print_json(&report)?,
+        false => super::print(&report.to_string())?,
+    }
+    Ok(outcome)
+}
+
+/// Which scans are wanted, by number or by time.
+fn range(args: &Args, source: &Recording) -> (u64, Option<u64>) {
+    if let Some(scans) = args.scans {
+        return (scans.first, scans.end);
+    }
+    let times: Vec<(u64, u64)> = source
+        .scans()
+        .filter_map(|scan| Some((scan, source.nanos(scan)?)))
+        .collect();
+    let Some(&(_, start)) = times.first() else {
+        return (0, None);
+    };
+    let at_or_after = |time: u64| times.iter().find(|(_, nanos)| *nanos >= time);
+    let after = |seconds: f64| start.saturating_add((seconds.max(0.0) * 1e9) as u64);
+    let begin = after(args.start_offset.unwrap_or(0.0));
+    let first = at_or_after(begin).map_or(u64::MAX, |(scan, _)| *scan);
+    let end = args.duration.and_then(|seconds| {
+        let end = begin.saturating_add((seconds.max(0.0) * 1e9) as u64);
+        at_or_after(end).map(|(scan, _)| *scan)
+    });
+    (first, end)
+}
+
+/// The recording's own graph, from the cut on.
+fn graph(
+    args: &Args,
+    from: Stage,
+    first: u64,
+    end: Option<u64>,
+    path: &Path,
+    recorded: &Value,
+) -> Result<Graph, Failure> {
+    let to = Stage::from(args.to);
+    let mut tables = Map::new();
+    let stages = Stage::ALL
+        .into_iter()
+        .skip(1)
+        .filter(|stage| (from..=to).contains(stage));
+    for name in stages.map(Stage::name).chain(["graph"]) {
+        if let Some(table) = recorded.get(name) {
+            tables.insert(name.to_owned(), without_nulls(table));
+        }
+    }
+    // What a live run may drop a replay may not.
+    if let Some(Value::Object(graph)) = tables.get_mut("graph") {
+        graph.insert("delivery".to_owned(), json!("lossless"));
+    }
+    let mut source = json!({
+        "file": path, "from": from, "first": first, "paused": args.start_paused, "repeat": args.repeat,
+    });
+    let mut verify = json!({ "file": path, "from": from, "first": first });
+    if let Some(end) = end {
+        source["end"] = end.into();
+        verify["end"] = end.into();
+    }
+    if let Some(rate) = args.rate {
+        source["rate"] = rate.into();
+    }
+    tables.insert("replay".to_owned(), source);
+    if args.verify {
+        tables.insert("verify".to_owned(), verify);
+    }
+    if let Some(file) = &args.record {
+        let record = json!({
+            "file": file, "overwrite": args.force, "without": left_out(args, from)?,
+        });
+        tables.insert("record".to_owned(), record);
+    }
+    let overrides = Overrides::parse(&args.set)?;
+    Graph::of_tables(tables, Profile::Default, &overrides)
+        .map_err(|text| Failure::usage(format!("the recording's graph: {text}")))
+}
+
+/// A table without the keys that are not set, as in a graph file.
+fn without_nulls(table: &Value) -> Value {
+    match table {
+        Value::Object(table) => table
+            .iter()
+            .filter(|(_, value)| !value.is_null())
+            .map(|(key, value)| (key.clone(), value.clone()))
+            .collect::<Map<_, _>>()
+            .into(),
+        other => other.clone(),
+    }
+}
+
+/// The kinds that the new recording leaves out: what is not made anew, or not wanted.
+fn left_out(args: &Args, from: Stage) -> Result<Vec<Kind>, Failure> {
+    let mut left_out = replayed_kinds(from);
+    if let Some(topics) = &args.topics {
+        let names = || Kind::ALL.into_iter().map(Kind::name);
+        if let Some(unknown) = topics
+            .iter()
+            .find(|topic| !names().any(|name| name == **topic))
+        {
+            let known = names().collect::<Vec<_>>().join(", ");
+            return Err(Failure::usage(format!(
+                "there are no topics {unknown}; there are {known}"
+            )));
+        }
+        let is_unwanted = |kind: &Kind| !topics.iter().any(|topic| topic == kind.name());
+        left_out.extend(Kind::ALL.into_iter().filter(is_unwanted));
+        left_out.sort_unstable();
+        left_out.dedup();
+    }
+    Ok(left_out)
+}
+
+/// What is set otherwise than in the recording: by key, the value then and now.
+fn changes(graph: &Graph, recorded: &Value) -> BTreeMap<String, [Value; 2]> {
+    let now = graph.configuration();
+    let mut changes = BTreeMap::new();
+    for name in Stage::ALL.into_iter().skip(1).map(Stage::name) {
+        let (Some(Value::Object(table)), Some(then)) = (now.get(name), recorded.get(name)) else {
+            continue;
+        };
+        for (key, value) in table {
+            let then = then.get(key).unwrap_or(&Value::Null);
+            if then != value {
+                changes.insert(format!("{name}.{key}"), [then.clone(), value.clone()]);
+            }
+        }
+    }
+    changes
+}
+
+/// The recording's rig, in the channels that the filter now has.
+fn rig(graph: &Graph, source: &Recording) -> Result<Rig, Failure> {
+    let recorded = &source.metadata().rig;
+    if !graph.has("filter") {
+        return Ok(recorded.clone());
+    }
+    let channels = super::run::channels(graph)?;
+    let same = Rig::of_views(recorded.views.len(), &channels, recorded.size);
+    Ok(Rig {
+        channels: same.channels,
+        ..recorded.clone()
+    })
+}
+
+/// What came of a replay.
+#[derive(Debug, Serialize)]
+struct Report {
+    #[serde(flatten)]
+    summary: table::Summary,
+    /// Settings that are not the recording's: then and now.
+    changed: BTreeMap<String, [Value; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verified: Option<Verified>,
+}
+
+/// What came of comparing.
+#[derive(Debug, Serialize)]
+struct Verified {
+    /// Whether every message of every scan is the same to the byte.
+    equal: bool,
+    scans: u64,
+    /// Kinds of message that were played, not computed, and not compared.
+    played: Vec<&'static str>,
+    topics: BTreeMap<String, TopicVerified>,
+}
+
+#[derive(Debug, Serialize)]
+struct TopicVerified {
+    equal: u64,
+    different: u64,
+    missing: u64,
+    /// What is the matter with the first message that is not equal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first: Option<String>,
+}
+
+impl Verified {
+    fn new(findings: Findings, scans: u64, played: &[Kind]) -> Self {
+        let topics: BTreeMap<_, _> = findings
+            .topics
+            .into_iter()
+            .map(|(topic, found)| {
+                let compared = TopicVerified {
+                    equal: found.equal,
+                    different: found.different,
+                    missing: found.missing
+                        + scans.saturating_sub(found.equal + found.different + found.missing),
+                    first: found.first,
+                };
+                (topic, compared)
+            })
+            .collect();
+        Self {
+            equal: scans > 0
+                && !topics.is_empty()
+                && topics.values().all(|topic| topic.equal == scans),
+            scans,
+            played: played.iter().map(|kind| kind.name()).collect(),
+            topics,
+        }
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.summary)?;
+        if !self.changed.is_empty() {
+            writeln!(f, "\nset otherwise than when it was recorded:")?;
+            for (key, [then, now]) in &self.changed {
+                writeln!(f, "  {key}: {now}, was {then}")?;
+            }
+        }
+        let Some(verified) = &self.verified else {
+            return Ok(());
+        };
+        writeln!(
+            f,
+            "\n{:<24} {:>7} {:>10} {:>8}",
+            "topic", "equal", "different", "missing"
+        )?;
+        for (topic, found) in &verified.topics {
+            let TopicVerified {
+                equal,
+                different,
+                missing,
+                first,
+            } = found;
+            writeln!(f, "{topic:<24} {equal:>7} {different:>10} {missing:>8}")?;
+            if let Some(first) = first {
+                writeln!(f, "    first: {first}")?;
+            }
+        }
+        let played = verified.played.join(", ");
+        match verified.equal {
+            true => writeln!(
+                f,
+                "\nverified: {} scans are equal to the byte on {} topics; played, not computed: {played}",
+                verified.scans,
+                verified.topics.len()
+            ),
+            false => writeln!(f, "\nNOT equal: what is computed is not what was recorded"),
+        }
+    }
+}

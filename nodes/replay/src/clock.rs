@@ -1,0 +1,120 @@
+//! When the next scan is due.
+
+use std::time::{Duration, Instant};
+
+/// Maps the recording's time to now: at a rate, with pauses, or in lockstep, when everything is due at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clock {
+    rate: Option<f64>,
+    paused: bool,
+    /// Scans to let through although it is paused.
+    steps: u32,
+    /// A moment of both times.
+    anchor: (Instant, u64),
+}
+
+impl Clock {
+    /// A clock that shows `nanos` of the recording's time now.
+    pub fn new(rate: Option<f64>, paused: bool, now: Instant, nanos: u64) -> Self {
+        Self {
+            rate,
+            paused,
+            steps: 0,
+            anchor: (now, nanos),
+        }
+    }
+
+    /// When a scan of this time is due; `None` while it is paused.
+    pub fn due(&self, nanos: u64) -> Option<Instant> {
+        let (instant, anchor) = self.anchor;
+        match self.rate {
+            _ if self.steps > 0 => Some(instant),
+            _ if self.paused => None,
+            None => Some(instant),
+            Some(rate) => {
+                let ahead = nanos.saturating_sub(anchor) as f64 / 1e9 / rate;
+                Some(instant + Duration::from_secs_f64(ahead))
+            }
+        }
+    }
+
+    /// A scan of this time went out.
+    pub fn played(&mut self, now: Instant, nanos: u64) {
+        if self.steps > 0 {
+            self.steps -= 1;
+            self.anchor = (now, nanos);
+        }
+    }
+
+    /// Pauses, or goes on with the scan of this time.
+    pub fn pause(&mut self, now: Instant, next_nanos: u64) {
+        self.paused = !self.paused;
+        self.anchor = (now, next_nanos);
+    }
+
+    /// Lets one scan through, and pauses.
+    pub fn step(&mut self) {
+        self.paused = true;
+        self.steps += 1;
+    }
+
+    /// Changes the rate by a factor; from lockstep to the recording's own.
+    pub fn speed(&mut self, factor: f64, now: Instant, next_nanos: u64) {
+        self.rate = Some(
+            self.rate
+                .map_or(1.0, |rate| (rate * factor).clamp(0.001, 1000.0)),
+        );
+        self.anchor = (now, next_nanos);
+    }
+
+    /// The rate, or `None` in lockstep.
+    pub fn rate(&self) -> Option<f64> {
+        self.rate
+    }
+
+    /// Whether it is paused.
+    pub fn is_paused(&self) -> bool {
+        self.paused
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: u64 = 1_000_000_000;
+
+    #[test]
+    fn at_twice_the_rate_a_scan_is_due_in_half_the_time() {
+        let now = Instant::now();
+        let clock = Clock::new(Some(2.0), false, now, 5 * SECOND);
+        assert_eq!(clock.due(15 * SECOND), Some(now + Duration::from_secs(5)));
+        assert_eq!(clock.due(SECOND), Some(now), "what is late is due at once");
+        assert_eq!(Clock::new(None, false, now, 0).due(99 * SECOND), Some(now));
+    }
+
+    #[test]
+    fn a_pause_shifts_what_is_due_and_a_step_lets_one_scan_through() {
+        let now = Instant::now();
+        let mut clock = Clock::new(Some(1.0), false, now, 0);
+        clock.pause(now, SECOND);
+        assert_eq!(clock.due(SECOND), None);
+        clock.step();
+        assert!(clock.due(SECOND).is_some());
+        clock.played(now, SECOND);
+        assert_eq!(clock.due(2 * SECOND), None);
+        let later = now + Duration::from_secs(60);
+        clock.pause(later, 2 * SECOND);
+        assert_eq!(clock.due(3 * SECOND), Some(later + Duration::from_secs(1)));
+    }
+
+    #[test]
+    fn a_change_of_rate_counts_from_where_it_is() {
+        let now = Instant::now();
+        let mut clock = Clock::new(None, false, now, 0);
+        clock.speed(2.0, now, 0);
+        assert_eq!(clock.rate(), Some(1.0));
+        clock.speed(0.5, now, 4 * SECOND);
+        assert_eq!(clock.due(5 * SECOND), Some(now + Duration::from_secs(2)));
+    }
+}

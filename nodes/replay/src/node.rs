@@ -1,0 +1,179 @@
+//! The shell on the bus: `recording ─► door ─► every topic before the cut`, a scan at a time.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use messages::bus::{Bus, BusError, Filled, Gate, Level, Outputs, Play, Request, Start};
+use messages::door::UnderWay;
+use messages::record::{Codec, Recorded};
+use messages::recording::{ReadError, Recording, Scan};
+use messages::{Curves, Disparity, Edges, Header, Image, Kind, Matches, Points, Tables, Topic};
+
+use crate::{Clock, Selection, SelectionError, Settings};
+
+/// Why replaying failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// It cannot be replayed so.
+    #[error(transparent)]
+    Selection(#[from] SelectionError),
+}
+
+/// How long to wait for news when nothing else is to be done.
+const IDLE: Duration = Duration::from_secs(1);
+
+/// Sends scan after scan when it is due and the door is open, until the recording ends or the launcher says to stop.
+///
+/// # Errors
+/// When the bus fails or the recording cannot be opened. A scan that cannot be read ends the replay: what was admitted
+/// before comes out.
+pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), ReplayError> {
+    let recording = Recording::open(Path::new(&settings.file))?;
+    let selection = Selection::of(&recording, settings.from, settings.first, settings.end)?;
+    let count = selection.scans.len() as u64;
+    let total = (!settings.repeat).then_some(count);
+    let mut replay = Replay {
+        outputs: bus.outputs(&selection.kinds)?,
+        gate: bus.gate(&start.resume, total)?,
+        codec: recording.codec().clone(),
+        selection,
+        recording,
+    };
+    let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
+    bus.ready()?;
+    let mut clock = Clock::new(
+        settings.rate,
+        settings.paused,
+        Instant::now(),
+        replay.next_nanos(),
+    );
+    loop {
+        let tick = replay.gate.door().next_tick();
+        let is_over = is_draining || failed.is_some() || total.is_some_and(|total| tick >= total);
+        let due = clock.due(replay.next_nanos()).filter(|_| !is_over);
+        let is_due = due.is_some_and(|due| due <= Instant::now());
+        let wait = match due {
+            Some(due) if !is_due => due.saturating_duration_since(Instant::now()).min(IDLE),
+            Some(_) if replay.gate.door().is_open() => Duration::ZERO,
+            _ => IDLE,
+        };
+        match bus.request(wait)? {
+            Some(Request::Stop(_)) => break,
+            Some(Request::Drain) => is_draining = true,
+            Some(Request::Resend) => replay.resend()?,
+            Some(Request::Play(play)) => {
+                let (now, next) = (Instant::now(), replay.next_nanos());
+                match play {
+                    Play::Pause => clock.pause(now, next),
+                    Play::Step => clock.step(),
+                    Play::Faster => clock.speed(2.0, now, next),
+                    Play::Slower => clock.speed(0.5, now, next),
+                }
+            }
+            Some(Request::Begin) | None => {}
+        }
+        replay.gate.hear_done(bus)?;
+        if is_due && replay.gate.door().is_open() && !is_draining {
+            match replay.read(tick) {
+                Ok(scan) => {
+                    clock.played(Instant::now(), replay.selection.scan(tick).1);
+                    let under_way = replay.gate.admit(bus);
+                    replay.send(under_way, &scan)?;
+                    if settings.repeat && (tick + 1).is_multiple_of(count) {
+                        let next = replay.gate.door().admitted();
+                        let text = format!("begins again: scans are numbered on from {next}");
+                        bus.log(Level::Info, text);
+                    }
+                }
+                Err(error) => failed = Some(error.to_string()),
+            }
+        }
+        if is_over && replay.gate.door().is_idle() && !has_finished {
+            has_finished = true;
+            let counts = [("scans", replay.gate.door().admitted())];
+            match &failed {
+                None => bus.finish(&counts),
+                Some(why) => bus.finish_failed(why, &counts),
+            }
+        }
+    }
+    Ok(())
+}
+
+struct Replay {
+    recording: Recording,
+    selection: Selection,
+    codec: Codec,
+    outputs: Outputs,
+    gate: Gate,
+}
+
+impl Replay {
+    fn next_nanos(&self) -> u64 {
+        self.selection.scan(self.gate.door().next_tick()).1
+    }
+
+    fn read(&mut self, tick: u64) -> Result<Scan, ReadError> {
+        let (number, _) = self.selection.scan(tick);
+        let topics = &self.selection.topics;
+        self.recording
+            .scan_of(number, |name| topics.iter().any(|topic| topic.name == name))
+    }
+
+    fn send(&self, under_way: UnderWay, scan: &Scan) -> Result<(), ReplayError> {
+        for topic in &self.selection.topics {
+            match topic.kind {
+                Kind::Image => self.publish::<Image>(topic, under_way, scan)?,
+                Kind::Edges => self.publish::<Edges>(topic, under_way, scan)?,
+                Kind::Curves => self.publish::<Curves>(topic, under_way, scan)?,
+                Kind::Tables => self.publish::<Tables>(topic, under_way, scan)?,
+                Kind::Matches => self.publish::<Matches>(topic, under_way, scan)?,
+                Kind::Disparity => self.publish::<Disparity>(topic, under_way, scan)?,
+                Kind::Points => self.publish::<Points>(topic, under_way, scan)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Publishes a recorded message, written into shared memory as it is read.
+    fn publish<M: Recorded>(
+        &self,
+        topic: &Topic,
+        under_way: UnderWay,
+        scan: &Scan,
+    ) -> Result<(), ReplayError> {
+        let (_, nanos) = self.selection.scan(under_way.tick);
+        let mut loan = self.outputs.loan::<M>(topic.view, topic.channel)?;
+        let (header, filled) = {
+            let mut room = loan.room()?;
+            let header = scan.decode_room::<M>(&self.codec, topic, &mut room)?;
+            (header, Filled::of::<M>(&room))
+        };
+        let is_sound = loan.view(&filled).is_some_and(M::is_sound);
+        if !is_sound {
+            return Err(scan.unsound(topic).into());
+        }
+        let header = Header {
+            sequence: under_way.sequence,
+            capture_nanos: nanos,
+            done_below: self.gate.door().done_below(),
+            ..header
+        };
+        Ok(self.outputs.publish(loan, &header, filled)?)
+    }
+
+    /// Sends the scans under way once more, the oldest first.
+    fn resend(&mut self) -> Result<(), ReplayError> {
+        for under_way in self.gate.door().under_way().collect::<Vec<_>>() {
+            let scan = self.read(under_way.tick)?;
+            self.send(under_way, &scan)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,144 @@
+//! Which scans of a recording are replayed, and as which.
+
+use messages::recording::Recording;
+use messages::{Kind, Stage, Topic};
+
+/// The scans that are replayed, and the topics of each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Selection {
+    /// The kinds of message the stages before the cut make.
+    pub kinds: Vec<Kind>,
+    /// Their topics.
+    pub topics: Vec<Topic>,
+    /// The recording's scans, in order, with their times in nanoseconds since 1970.
+    pub scans: Vec<(u64, u64)>,
+    /// How many scans of the range lack one of the topics.
+    pub broken: usize,
+}
+
+/// Why a recording cannot be replayed so.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SelectionError {
+    /// The recording has no messages of a kind that is needed.
+    #[error("to replay from {from} needs {missing}, which the recording does not hold; {possible}")]
+    Cut {
+        /// The cut that was wanted.
+        from: &'static str,
+        /// What is missing.
+        missing: String,
+        /// Which cuts there could be.
+        possible: String,
+    },
+    /// No scan is left.
+    #[error(
+        "no whole scan to replay: the recording holds {held}, and scans {first} to {end} are wanted"
+    )]
+    Empty {
+        /// The scans there are.
+        held: String,
+        /// The first wanted.
+        first: u64,
+        /// Where the wanted ones end.
+        end: String,
+    },
+}
+
+/// The kinds of message that are replayed when this stage is the first that computes anew. Images are never computed.
+pub fn replayed_kinds(from: Stage) -> Vec<Kind> {
+    let is_before = |kind: &Kind| kind.stage() == Stage::Capture || kind.stage() < from;
+    Kind::ALL.into_iter().filter(is_before).collect()
+}
+
+impl Selection {
+    /// What is replayed of a recording when `from` is the first stage that computes anew, of the scans from `first`
+    /// and before `end`.
+    ///
+    /// # Errors
+    /// When the recording lacks topics that the cut needs, or no scan is left.
+    pub fn of(
+        recording: &Recording,
+        from: Stage,
+        first: u64,
+        end: Option<u64>,
+    ) -> Result<Self, SelectionError> {
+        let rig = &recording.metadata().rig;
+        let topics_of = |kinds: &[Kind]| -> Vec<Topic> {
+            kinds
+                .iter()
+                .flat_map(|&kind| Topic::of(rig, kind))
+                .collect()
+        };
+        let channels = recording.channels();
+        let missing = |topics: &[Topic]| -> Vec<String> {
+            let is_missing = |topic: &&Topic| !channels.contains_key(&*topic.name);
+            topics
+                .iter()
+                .filter(is_missing)
+                .map(|topic| topic.name.clone())
+                .collect()
+        };
+        let kinds = replayed_kinds(from);
+        let topics = topics_of(&kinds);
+        let lacking = missing(&topics);
+        if !lacking.is_empty() {
+            let possible = |stage: &Stage| missing(&topics_of(&replayed_kinds(*stage))).is_empty();
+            let stages: Vec<_> = Stage::ALL
+                .into_iter()
+                .filter(possible)
+                .map(Stage::name)
+                .collect();
+            return Err(SelectionError::Cut {
+                from: from.name(),
+                missing: lacking.join(", "),
+                possible: match stages.is_empty() {
+                    true => "it cannot be replayed from any stage".to_owned(),
+                    false => format!("it can be replayed from {}", stages.join(", ")),
+                },
+            });
+        }
+        let range = first..end.unwrap_or(u64::MAX);
+        let all = recording
+            .scans()
+            .filter(|scan| range.contains(scan))
+            .count();
+        let scans: Vec<(u64, u64)> = recording
+            .scans_with(&topics)
+            .into_iter()
+            .filter(|scan| range.contains(scan))
+            .filter_map(|scan| Some((scan, recording.nanos(scan)?)))
+            .collect();
+        if scans.is_empty() {
+            return Err(SelectionError::Empty {
+                held: recording.held(),
+                first,
+                end: end.map_or("the last".to_owned(), |end| {
+                    end.saturating_sub(1).to_string()
+                }),
+            });
+        }
+        Ok(Self {
+            kinds,
+            topics,
+            broken: all - scans.len(),
+            scans,
+        })
+    }
+
+    /// The recording's scan that is replayed as this one, counted from 0 and, when it begins again, further; and its
+    /// time.
+    pub fn scan(&self, tick: u64) -> (u64, u64) {
+        let len = self.scans.len() as u64;
+        let (scan, nanos) = self.scans[(tick % len) as usize];
+        (scan, nanos + tick / len * self.round_nanos())
+    }
+
+    /// What a whole round takes: from the first scan to the last, and a step as long as they are apart on average.
+    pub fn round_nanos(&self) -> u64 {
+        let (first, last) = match self.scans.as_slice() {
+            [(_, first), .., (_, last)] => (*first, *last),
+            _ => return 100_000_000,
+        };
+        let span = last.saturating_sub(first);
+        span + span / (self.scans.len() as u64 - 1)
+    }
+}

@@ -1,0 +1,145 @@
+//! Compares what is computed with what was recorded, byte for byte.
+//!
+//! ```text
+//! every topic that is computed anew ─┐
+//!                                    ├─► equal? ─► Findings
+//! the recording ─────────────────────┘
+//! ```
+
+#[cfg(feature = "node")]
+pub mod node;
+
+use std::collections::BTreeMap;
+
+use messages::record::{Codec, Recorded};
+use messages::recording::{ReadError, Scan};
+use messages::{
+    AnyView, Curves, Difference, Disparity, Edges, Header, Image, Kind, Matches, Points, Stage,
+    Tables, Topic,
+};
+use serde::{Deserialize, Serialize};
+
+messages::settings! {
+    /// What is compared with what.
+    pub struct Settings {
+        /// The recording; its further parts are found by their names.
+        pub file: String = String::new();
+        /// The first stage that computes anew.
+        pub from: Stage = Stage::Capture;
+        /// The recording's scan that is replayed first.
+        pub first: u64 = 0;
+        /// The recording's scan before which the replay ends.
+        pub end: Option<u64> = None;
+    }
+}
+
+/// What came of comparing, by topic.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Findings {
+    /// By topic, as named in the recording.
+    pub topics: BTreeMap<String, Finding>,
+    /// The scans compared last, by their numbers in the replay: one that is sent again counts once.
+    pub latest: Vec<u64>,
+}
+
+/// What came of comparing one topic.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Finding {
+    /// Messages that are the same to the byte.
+    pub equal: u64,
+    /// Messages that are not.
+    pub different: u64,
+    /// Messages that were not recorded, or cannot be read.
+    pub missing: u64,
+    /// What is the matter with the first of those that are not equal.
+    pub first: Option<String>,
+}
+
+impl Findings {
+    /// The file in the run's folder in which a verifier leaves them after each scan.
+    pub const FILE: &str = "verify.json";
+    /// More scans than can be under way.
+    const LATEST: usize = 64;
+
+    /// Whether a scan of the replay was compared.
+    pub fn knows(&self, sequence: u64) -> bool {
+        self.latest.contains(&sequence)
+    }
+
+    /// A scan of the replay is compared.
+    pub fn done(&mut self, sequence: u64) {
+        if self.latest.len() == Self::LATEST {
+            self.latest.remove(0);
+        }
+        self.latest.push(sequence);
+    }
+
+    /// Compares a message with the recorded one of its topic.
+    pub fn compare(
+        &mut self,
+        codec: &Codec,
+        recorded: &Scan,
+        topic: &Topic,
+        header: &Header,
+        computed: AnyView<'_>,
+    ) {
+        let finding = self.topics.entry(topic.name.clone()).or_default();
+        let scan = recorded.sequence;
+        let trouble = match topic.kind {
+            Kind::Image => compare::<Image>(codec, recorded, topic, header, computed),
+            Kind::Edges => compare::<Edges>(codec, recorded, topic, header, computed),
+            Kind::Curves => compare::<Curves>(codec, recorded, topic, header, computed),
+            Kind::Tables => compare::<Tables>(codec, recorded, topic, header, computed),
+            Kind::Matches => compare::<Matches>(codec, recorded, topic, header, computed),
+            Kind::Disparity => compare::<Disparity>(codec, recorded, topic, header, computed),
+            Kind::Points => compare::<Points>(codec, recorded, topic, header, computed),
+        };
+        let text = match trouble {
+            Ok(None) => {
+                finding.equal += 1;
+                return;
+            }
+            Ok(Some(Difference {
+                section,
+                element,
+                one,
+                other,
+            })) => {
+                finding.different += 1;
+                let [recorded, computed] =
+                    [one, other].map(|value| value.unwrap_or_else(|| "nothing more".to_owned()));
+                format!(
+                    "scan {scan}, {section}[{element}]: recorded {recorded}, computed {computed}"
+                )
+            }
+            Err(error) => {
+                finding.missing += 1;
+                error.to_string()
+            }
+        };
+        finding.first.get_or_insert(text);
+    }
+}
+
+/// Where a message differs first from the recorded one: size and place before the payload.
+fn compare<M: Recorded>(
+    codec: &Codec,
+    recorded: &Scan,
+    topic: &Topic,
+    header: &Header,
+    computed: AnyView<'_>,
+) -> Result<Option<Difference>, ReadError> {
+    let message = recorded.decode::<M>(codec, topic)?;
+    let head = |header: &Header| (header.size(), header.position_m.to_bits());
+    if head(&message.header) != head(header) {
+        let text = |header: &Header| Some(format!("{} at {} m", header.size(), header.position_m));
+        return Ok(Some(Difference {
+            section: "header",
+            element: 0,
+            one: text(&message.header),
+            other: text(header),
+        }));
+    }
+    let view: AnyView<'_> = message.view().into();
+    Ok(view.difference(&computed))
+}
