@@ -7,6 +7,16 @@
 //! The launcher is glue: what a node computes is in its crate under `nodes/`, what nodes say to each other in
 //! `messages/`. This folder reads the graph file, starts, watches and ends the processes, and shows what they did.
 
+/// Says a line to the user on standard error. A terminal that is gone is no reason to fail: the run still has to end in
+/// good order.
+macro_rules! say {
+    ($($line:tt)*) => {{
+        use std::io::Write as _;
+        writeln!(std::io::stderr().lock(), $($line)*).unwrap_or_default();
+    }};
+}
+pub(crate) use say;
+
 mod cli;
 mod commands;
 mod graph;
@@ -23,7 +33,8 @@ use std::process::ExitCode;
 use clap::Parser as _;
 
 /// How a command ended; the one table of exit codes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
 enum Outcome {
     /// Everything was done.
     Done,
@@ -75,7 +86,7 @@ impl Failure {
 fn main() -> ExitCode {
     let outcome = match cli::Cli::try_parse() {
         Ok(cli) => commands::run(cli).unwrap_or_else(|failure| {
-            eprintln!("tricurve: {}", failure.text);
+            crate::say!("tricurve: {}", failure.text);
             failure.outcome
         }),
         Err(error) => {

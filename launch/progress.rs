@@ -83,7 +83,7 @@ impl Watcher for Progress {
             let total = progress
                 .total
                 .map_or(String::new(), |total| format!("/{total}"));
-            eprintln!("{}{total} scans, {message}", progress.done);
+            crate::say!("{}{total} scans, {message}", progress.done);
         }
     }
 
@@ -98,8 +98,8 @@ impl Watcher for Progress {
             Level::Error => format!("{node}: error: {text}"),
         };
         match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("{line}")),
-            None => eprintln!("{line}"),
+            Some(bar) => bar.suspend(|| crate::say!("{line}")),
+            None => crate::say!("{line}"),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The run's folder: private to the user, locked while its launcher lives, swept when everybody is gone.
 
+use std::collections::BTreeSet;
 use std::fs::{self, DirBuilder, File};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
@@ -18,25 +19,49 @@ const NODES: &str = "nodes.lock";
 /// What the run's shared memory is called.
 const PREFIX: &str = "prefix";
 
+/// What the names of all runs' shared memory begin with.
+const PREFIXES: &str = "tricurve_";
+/// In shared memory, behind the run's prefix: locked by launcher and nodes while they live, so that what a run left is
+/// known even when its folder is gone.
+const ALIVE: &str = "alive";
+
+/// The longest path of a socket, less what iceoryx2 puts behind folder and prefix: a slash, 30 digits and `.event`.
+const MOST_PATH: usize = 107 - 37;
+
 /// A run's folder, locked.
 #[derive(Debug)]
 pub(crate) struct RunDir {
     path: PathBuf,
     prefix: String,
     _lock: File,
+    _alive: File,
 }
 
-/// The folder of all runs of this user.
+/// The folder of all runs of this user: in the session's own if that leaves room for the names of sockets.
 fn home() -> io::Result<PathBuf> {
     let uid = rustix::process::getuid().as_raw();
-    let home = match std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| !dir.is_empty()) {
-        Some(dir) => PathBuf::from(dir).join("tricurve"),
-        None => std::env::temp_dir().join(format!("tricurve-{uid}")),
+    let session = std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| !dir.is_empty());
+    let session = session.map(|dir| PathBuf::from(dir).join("tricurve"));
+    let fits = |home: &PathBuf| {
+        let longest = run_name(u32::MAX, u64::from(u32::MAX));
+        let path = home.as_os_str().len() + 1 + longest.len();
+        home.to_str().is_some_and(str::is_ascii) && path + prefix_of(&longest).len() <= MOST_PATH
     };
+    let home = session
+        .filter(fits)
+        .unwrap_or_else(|| std::env::temp_dir().join(format!("tricurve-{uid}")));
+    if !fits(&home) {
+        let text = format!(
+            "the path {} is too long for sockets, or not ASCII: set TMPDIR to a short one",
+            home.display()
+        );
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
+    }
     DirBuilder::new()
         .recursive(true)
         .mode(0o700)
-        .create(&home)?;
+        .create(&home)
+        .map_err(|e| io::Error::new(e.kind(), format!("{}: {e}", home.display())))?;
     let meta = fs::symlink_metadata(&home)?;
     if !meta.is_dir() || meta.uid() != uid || meta.mode() & 0o077 != 0 {
         let text = format!(
@@ -52,30 +77,29 @@ impl RunDir {
     /// Makes a new run's folder.
     pub(crate) fn create() -> io::Result<Self> {
         let home = home()?;
-        let pid = std::process::id();
         let now = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
-        let name = format!("{pid}-{:x}", now.as_micros());
+        let name = run_name(std::process::id(), now.as_secs());
+        let prefix = prefix_of(&name);
         let path = home.join(&name);
-        // iceoryx2 takes no longer root paths.
-        if path.as_os_str().len() > 90 {
-            let text = format!(
-                "the path {} is too long for shared memory's names",
-                path.display()
-            );
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
-        }
-        DirBuilder::new().mode(0o700).create(&path)?;
-        let lock = File::create(path.join(LAUNCHER))?;
+        let alive = PathBuf::from(SHARED_MEMORY).join(format!("{prefix}{ALIVE}"));
+        let alive = File::create(&alive)
+            .map_err(|e| io::Error::new(e.kind(), format!("{}: {e}", alive.display())))?;
+        flock(&alive, FlockOperation::NonBlockingLockShared)?;
+        // Complete before it gets the name by which others find it.
+        let unnamed = home.join(format!(".{name}"));
+        DirBuilder::new().mode(0o700).create(&unnamed)?;
+        let lock = File::create(unnamed.join(LAUNCHER))?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive)?;
-        File::create(path.join(NODES))?;
-        let prefix = format!("tricurve_{name}_");
-        fs::write(path.join(PREFIX), &prefix)?;
+        File::create(unnamed.join(NODES))?;
+        fs::write(unnamed.join(PREFIX), &prefix)?;
+        fs::rename(&unnamed, &path)?;
         Ok(Self {
             path,
             prefix,
             _lock: lock,
+            _alive: alive,
         })
     }
 
@@ -95,11 +119,21 @@ impl Drop for RunDir {
     }
 }
 
+/// The name of a run: short, since it stands twice in the name of every socket.
+fn run_name(pid: u32, seconds: u64) -> String {
+    format!("{pid:x}-{seconds:x}")
+}
+
+fn prefix_of(name: &str) -> String {
+    format!("{PREFIXES}{name}_")
+}
+
 /// A node's share of its run's folder.
 #[derive(Debug)]
 pub(crate) struct Share {
     path: PathBuf,
     lock: Option<File>,
+    alive: Option<File>,
 }
 
 impl Share {
@@ -107,9 +141,13 @@ impl Share {
     pub(crate) fn enter(path: &Path) -> io::Result<Self> {
         let lock = File::open(path.join(NODES))?;
         flock(&lock, FlockOperation::NonBlockingLockShared)?;
+        let prefix = fs::read_to_string(path.join(PREFIX))?;
+        let alive = File::open(Path::new(SHARED_MEMORY).join(format!("{prefix}{ALIVE}")))?;
+        flock(&alive, FlockOperation::NonBlockingLockShared)?;
         Ok(Self {
             path: path.to_owned(),
             lock: Some(lock),
+            alive: Some(alive),
         })
     }
 }
@@ -118,6 +156,7 @@ impl Drop for Share {
     /// Leaves the folder; the last one out removes what is left of a run whose launcher is dead.
     fn drop(&mut self) {
         self.lock = None;
+        self.alive = None;
         if is_abandoned(&self.path) {
             sweep(&self.path).unwrap_or_default();
         }
@@ -135,17 +174,30 @@ fn is_abandoned(run: &Path) -> bool {
 
 /// Removes a run's folder and shared memory; gives back the bytes of shared memory set free.
 fn sweep(run: &Path) -> io::Result<u64> {
-    let mut bytes = 0;
     let prefix = fs::read_to_string(run.join(PREFIX)).unwrap_or_default();
-    if prefix.starts_with("tricurve_") {
-        for entry in fs::read_dir(SHARED_MEMORY)?.flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&prefix) {
-                bytes += entry.metadata().map_or(0, |meta| meta.blocks() * 512);
-                fs::remove_file(entry.path()).unwrap_or_default();
-            }
+    let bytes = match prefix.starts_with(PREFIXES) {
+        true => sweep_shared_memory(&prefix)?,
+        false => 0,
+    };
+    match fs::remove_dir_all(run) {
+        // Somebody else swept at the same time.
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(bytes),
+    }
+}
+
+/// Removes the shared memory of this prefix, what says whether its run is alive last.
+fn sweep_shared_memory(prefix: &str) -> io::Result<u64> {
+    let mut bytes = 0;
+    let alive = format!("{prefix}{ALIVE}");
+    for entry in fs::read_dir(SHARED_MEMORY)?.flatten() {
+        let name = entry.file_name();
+        if name.to_string_lossy().starts_with(prefix) && *name != *alive {
+            bytes += entry.metadata().map_or(0, |meta| meta.blocks() * 512);
+            fs::remove_file(entry.path()).unwrap_or_default();
         }
     }
-    fs::remove_dir_all(run)?;
+    fs::remove_file(Path::new(SHARED_MEMORY).join(alive)).unwrap_or_default();
     Ok(bytes)
 }
 
@@ -158,7 +210,36 @@ pub(crate) fn clean() -> io::Result<(usize, u64)> {
             runs += 1;
         }
     }
+    // Runs whose folder went before them, as at a logout, or lies in another session's.
+    for prefix in dead_prefixes()? {
+        bytes += sweep_shared_memory(&prefix)?;
+        runs += 1;
+    }
     Ok((runs, bytes))
+}
+
+/// The prefixes of this user's shared memory that no process holds any more.
+fn dead_prefixes() -> io::Result<BTreeSet<String>> {
+    let uid = rustix::process::getuid().as_raw();
+    let mut prefixes = BTreeSet::new();
+    for entry in fs::read_dir(SHARED_MEMORY)?.flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_own = entry.metadata().is_ok_and(|meta| meta.uid() == uid);
+        let run = name
+            .strip_prefix(PREFIXES)
+            .and_then(|rest| rest.split_once('_'));
+        if let Some((run, _)) = run.filter(|_| is_own) {
+            prefixes.insert(prefix_of(run));
+        }
+    }
+    let is_dead = |prefix: &String| match File::open(
+        Path::new(SHARED_MEMORY).join(format!("{prefix}{ALIVE}")),
+    ) {
+        Ok(alive) => flock(&alive, FlockOperation::NonBlockingLockExclusive).is_ok(),
+        Err(error) => error.kind() == io::ErrorKind::NotFound,
+    };
+    prefixes.retain(is_dead);
+    Ok(prefixes)
 }
 
 /// Free bytes of shared memory.

@@ -156,7 +156,8 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                 began = Some(Instant::now());
             }
             if self.signals > 1 {
-                return Ok(self.result(Outcome::Aborted, 0.0));
+                let seconds = began.map_or(0.0, |began| began.elapsed().as_secs_f64());
+                return Ok(self.result(Outcome::Aborted, seconds));
             }
             self.check_patience();
         }
@@ -418,7 +419,12 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                 if is_over && (self.nodes[place].has_finished || self.trouble.is_some()) {
                     break;
                 }
-                if self.signals > 1 || Instant::now() > deadline {
+                if self.signals > 1 {
+                    let text = "aborted before everything had ended".to_owned();
+                    self.trouble = Some((Outcome::Aborted, text));
+                    return Ok(());
+                }
+                if Instant::now() > deadline {
                     let text = format!(
                         "{} did not end in time and was killed",
                         self.nodes[place].name

@@ -1,6 +1,8 @@
 //! `tricurve export`: a recording's results in the formats of other trades.
 
-use record::{Export, Recording, export};
+use std::path::Path;
+
+use record::{Export, ExportError, Recording, export};
 
 use crate::cli::Export as Args;
 use crate::{Failure, Outcome};
@@ -24,7 +26,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let mut recording = Recording::open(&args.file).map_err(Failure::failed)?;
     for note in recording.notes() {
-        eprintln!("tricurve: {note}");
+        crate::say!("tricurve: {note}");
     }
     if !recording
         .metadata()
@@ -32,9 +34,13 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         .calibration
         .is_some_and(|camera| camera.calibrated)
     {
-        eprintln!("tricurve: the cameras are not calibrated: depths are right up to one factor");
+        crate::say!("tricurve: the cameras are not calibrated: depths are right up to one factor");
     }
-    for path in export(&mut recording, &wanted).map_err(Failure::failed)? {
+    let written = export(&mut recording, &wanted).map_err(|error| match error {
+        ExportError::WhichScan { .. } | ExportError::OntoItself(_) => Failure::usage(error),
+        error => Failure::failed(error),
+    })?;
+    for path in written.iter().filter(|path| *path != Path::new("-")) {
         super::print(&format!("{}\n", path.display()))?;
     }
     Ok(Outcome::Done)

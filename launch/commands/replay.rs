@@ -22,14 +22,14 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let path = std::path::absolute(&args.file).map_err(Failure::failed)?;
     let source = Recording::open(&path).map_err(Failure::failed)?;
     for note in source.notes() {
-        eprintln!("replay: {note}");
+        crate::say!("replay: {note}");
     }
     let from = Stage::from(args.from);
     let (first, end) = range(args, &source);
     let selection = Selection::of(&source, from, first, end).map_err(Failure::failed)?;
     if selection.broken > 0 {
         let (broken, all) = (selection.broken, selection.broken + selection.scans.len());
-        eprintln!("replay: warning: {broken} of {all} scans are not whole and are left out");
+        crate::say!("replay: warning: {broken} of {all} scans are not whole and are left out");
     }
     let recorded = &source.metadata().configuration;
     let mut graph = graph(args, from, first, end, &path, recorded)?;

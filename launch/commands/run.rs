@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use capture::Source;
 use jiff::Timestamp;
-use messages::{Rig, Size};
+use messages::{Delivery, Rig, Size};
 use serde_json::Value;
 
 use crate::cli::Run as Args;
@@ -34,7 +34,12 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;
     say_notices(&source);
-    let scans = (0..source.scans().min(NAMES))
+    // A live run drops scans, and then numbers no longer tell which of the source's they are.
+    let named = match graph.settings.delivery {
+        Delivery::Lossless => source.scans().min(NAMES),
+        Delivery::Live => 0,
+    };
+    let scans = (0..named)
         .map(|scan| source.name(scan).to_owned())
         .collect();
     let (ran, _) = launch(Launch {
@@ -73,7 +78,14 @@ fn overrides(args: &Args) -> Result<Overrides, Failure> {
         );
     }
     if let Some(file) = &args.record {
-        overrides.set("record", "file", file.to_string_lossy().as_ref());
+        let Some(file) = file.to_str() else {
+            let text = format!(
+                "--record expects a path that is UTF-8, not {}",
+                file.display()
+            );
+            return Err(Failure::usage(text));
+        };
+        overrides.set("record", "file", file);
     }
     if args.force {
         overrides.set("record", "overwrite", true);
@@ -92,15 +104,18 @@ fn now_nanos() -> u64 {
 fn open_source(graph: &Graph) -> Result<Source, Failure> {
     let settings =
         serde_json::from_value(graph.settings_of("capture").clone()).map_err(Failure::usage)?;
-    Source::open(&settings).map_err(Failure::failed)
+    Source::open(&settings).map_err(|error| match error.is_wrong_use() {
+        true => Failure::usage(error),
+        false => Failure::failed(error),
+    })
 }
 
 fn say_notices(source: &Source) {
     for notice in source.notices() {
-        eprintln!("capture: {notice}");
+        crate::say!("capture: {notice}");
     }
     for warning in source.warnings() {
-        eprintln!("capture: warning: {warning}");
+        crate::say!("capture: warning: {warning}");
     }
 }
 
@@ -150,14 +165,14 @@ pub(super) fn recording(graph: &mut Graph) -> Result<Option<PathBuf>, Failure> {
         "" => {
             std::fs::create_dir_all("recordings")
                 .map_err(|e| Failure::failed(format!("cannot make the folder recordings: {e}")))?;
-            Path::new("recordings").join(format!(
-                "tricurve-{}.mcap",
-                Timestamp::now().strftime("%Y%m%d-%H%M%S")
-            ))
+            let now = Timestamp::now().strftime("%Y%m%d-%H%M%S-%3f");
+            Path::new("recordings").join(format!("tricurve-{now}.mcap"))
         }
         file => PathBuf::from(file),
     };
     let path = std::path::absolute(&path).map_err(Failure::failed)?;
+    let overwrite = settings.get("overwrite").and_then(Value::as_bool);
+    record::Writer::check(&path, overwrite.unwrap_or_default()).map_err(Failure::failed)?;
     graph.fill_in("record", "file", path.to_string_lossy().as_ref());
     Ok(Some(path))
 }

@@ -10,6 +10,9 @@ pub(crate) fn run(args: &GraphFile) -> Result<Outcome, Failure> {
         args.profile,
         &Overrides::parse(&args.set)?,
     )?;
+    if graph.has("filter") {
+        super::run::channels(&graph)?;
+    }
     super::print(&graph.to_toml())?;
     Ok(Outcome::Done)
 }

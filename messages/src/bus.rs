@@ -407,18 +407,22 @@ impl Bus {
     /// When a port cannot be connected.
     pub fn ready(&mut self) -> Result<(), BusError> {
         control::say(&Event::Ports);
+        let mut early = VecDeque::new();
         loop {
             match self.request(Duration::from_secs(1))? {
-                Some(Request::Begin) => return Ok(()),
-                Some(other) => {
-                    self.waiting.push_back(other);
-                    if self.is_stopping() {
-                        return Ok(());
-                    }
+                Some(Request::Begin) => break,
+                Some(stop @ Request::Stop(_)) => {
+                    early.push_back(stop);
+                    break;
                 }
+                Some(other) => early.push_back(other),
                 None => {}
             }
         }
+        // What was asked before is done now.
+        early.append(&mut self.waiting);
+        self.waiting = early;
+        Ok(())
     }
 
     fn is_stopping(&self) -> bool {
@@ -517,6 +521,10 @@ impl Bus {
                 Command::Drain => self.waiting.push_back(Request::Drain),
                 Command::Play { play } => self.waiting.push_back(Request::Play(play)),
                 Command::Stop { ledger } => {
+                    // When all are done, those a successor never saw went through its predecessor.
+                    if let Some(ledger) = ledger.as_ref().filter(|l| l.done == l.admitted) {
+                        self.book.borrow_mut().advance(ledger.done);
+                    }
                     self.waiting.push_back(Request::Stop(ledger.map(Box::new)));
                 }
             }
@@ -524,8 +532,7 @@ impl Bus {
         if self.next_report <= Instant::now() {
             self.next_report = Instant::now() + REPORT_EVERY;
             let report = self.report(&[]);
-            self.reports.send(&report);
-            control::say(&Event::Report(report));
+            self.tell(&Event::Report(report));
         }
         Ok(())
     }
@@ -557,14 +564,19 @@ impl Bus {
     }
 
     fn send_last(&self, report: NodeReport) {
-        self.reports.send(&report);
-        control::say(&Event::Finished(report));
+        self.tell(&Event::Finished(report));
+    }
+
+    /// Tells the launcher, and who records what nodes say.
+    fn tell(&self, event: &Event) {
+        self.reports.send(event);
+        control::say(event);
     }
 
     /// Tells the launcher how far the scans have come; for the node at the door.
     fn progress(&self, progress: Progress) {
         self.book.borrow_mut().advance(progress.done_below);
-        control::say(&Event::Progress(progress));
+        self.tell(&Event::Progress(progress));
     }
 
     /// Counts a message of a topic that was lost, and why.
@@ -579,13 +591,11 @@ impl Bus {
 
     /// Says something to the user: error = data lost, warn = degraded, info = rare and for the user.
     pub fn log(&self, level: Level, text: impl Into<String>) {
-        let log = Log {
+        self.tell(&Event::Log(Log {
             level,
             node: self.name.clone(),
             text: text.into(),
-        };
-        self.reports.send(&log);
-        control::say(&Event::Log(log));
+        }));
     }
 }
 
@@ -678,12 +688,17 @@ impl std::fmt::Debug for ReportsIn {
 }
 
 impl ReportsIn {
-    /// The next report or log line, as JSON text.
+    /// The next thing a node said.
     ///
     /// # Errors
     /// When the subscriber fails.
-    pub fn receive(&mut self) -> Result<Option<String>, BusError> {
-        ports::receive_text(&self.subscriber)
+    pub fn receive(&mut self) -> Result<Option<Event>, BusError> {
+        while let Some(text) = ports::receive_text(&self.subscriber)? {
+            if let Ok(event) = serde_json::from_str(&text) {
+                return Ok(Some(event));
+            }
+        }
+        Ok(None)
     }
 }
 

@@ -155,9 +155,15 @@ impl Ledger {
                 ];
                 for (verb, count) in both {
                     if let Some(count) = count.filter(|&count| count != self.admitted) {
-                        let which = match account.missing.as_slice() {
-                            [] => String::new(),
-                            missing => format!(", missing scans {missing:?}"),
+                        let named = account.missing.len() as u64;
+                        let further = self.admitted.saturating_sub(count).saturating_sub(named);
+                        let which = match (account.missing.as_slice(), further) {
+                            ([], 0) => String::new(),
+                            ([], _) => ", the last ones are missing".to_owned(),
+                            (missing, 0) => format!(", missing scans {missing:?}"),
+                            (missing, _) => {
+                                format!(", missing scans {missing:?} and {further} later")
+                            }
                         };
                         faults.push(format!(
                             "{node} {verb} {count} of {} scans of {topic}{which}",

@@ -571,6 +571,18 @@ any_view! {
     Points(PointsView)
 }
 
+impl AnyView<'_> {
+    /// Whether its indices stay inside it; false for a damaged message.
+    pub fn is_sound(&self) -> bool {
+        match self {
+            Self::Curves(curves) => curves.is_sound(),
+            Self::Tables(tables) => tables.is_sound(usize::MAX),
+            Self::Matches(matches) => matches.is_sound(),
+            Self::Image(_) | Self::Edges(_) | Self::Disparity(_) | Self::Points(_) => true,
+        }
+    }
+}
+
 impl CurvesView<'_> {
     /// Whether every curve's points exist; false for a damaged message.
     pub fn is_sound(&self) -> bool {

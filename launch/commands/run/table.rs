@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use messages::bus::Percentiles;
+use messages::bus::{NodeReport, Percentiles};
 use messages::ledger::Ledger;
 use serde::Serialize;
 
+use crate::Outcome;
 use crate::supervisor::Ran;
 
 /// One node's line.
@@ -29,6 +30,9 @@ pub(crate) struct Summary {
     nodes: Vec<NodeSummary>,
     ledger: Ledger,
     balanced: bool,
+    outcome: Outcome,
+    /// What makes the results doubtful.
+    warnings: Vec<String>,
     recording: Option<PathBuf>,
 }
 
@@ -57,9 +61,36 @@ impl Summary {
             nodes: nodes.collect(),
             balanced: ran.ledger.is_balanced(),
             ledger: ran.ledger.clone(),
-            recording: recording.map(Path::to_owned),
+            outcome: ran.outcome,
+            warnings: doubts(&ran.reports).collect(),
+            recording: recording.filter(|path| path.exists()).map(Path::to_owned),
         }
     }
+}
+
+/// The share of all curves that is in no match when three views show one scene, at most.
+const LEAST_MATCHED: f64 = 0.02;
+
+/// What makes the results doubtful.
+fn doubts(reports: &[NodeReport]) -> impl Iterator<Item = String> {
+    let count = |node: &str, name: &str| {
+        let report = reports.iter().find(|report| report.node == node)?;
+        report.counts.get(name).copied()
+    };
+    let doubt = match (count("track", "curves"), count("match", "matches")) {
+        (Some(0), _) => {
+            Some("no curve was found: the images are blank, or track.high and track.low too great")
+        }
+        // A match is three curves.
+        (Some(curves), Some(matches)) if 3.0 * (matches as f64) < LEAST_MATCHED * curves as f64 => {
+            Some(
+                "next to nothing matched: are the views chosen from left to right, rectified so that rows agree, and nearer \
+             than match.disparity_most?",
+            )
+        }
+        _ => None,
+    };
+    doubt.map(str::to_owned).into_iter()
 }
 
 impl fmt::Display for Summary {
@@ -117,6 +148,9 @@ impl fmt::Display for Summary {
                 "NOT balanced"
             }
         )?;
+        for warning in &self.warnings {
+            writeln!(f, "warning: {warning}")?;
+        }
         if let Some(path) = &self.recording {
             let path = path.display();
             writeln!(f, "\nrecording: {path}")?;
@@ -127,7 +161,7 @@ impl fmt::Display for Summary {
             writeln!(f, "  what is in:  tricurve info {path}")?;
             writeln!(
                 f,
-                "  take it out: tricurve export {path} --csv points.csv --ply points.ply --png pictures"
+                "  take it out: tricurve export {path} --scan 0 --csv points.csv --ply points.ply --png pictures"
             )?;
         }
         Ok(())

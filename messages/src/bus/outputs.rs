@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::time::Instant;
 
 use super::ports::{self, Bell, DataPublisher, LoanedSample, Ports};
-use super::{Book, BusError, Run};
+use super::{Book, BusError, NodePlan, Run};
 use crate::header::{Header, Size};
 use crate::payload::{Message, SECTIONS};
 use crate::topic::{Kind, Topic};
@@ -14,7 +14,7 @@ use crate::topic::{Kind, Topic};
 struct Output {
     topic: Topic,
     publisher: DataPublisher,
-    takers: Vec<Bell>,
+    takers: Vec<Rc<Bell>>,
 }
 
 /// Publishers of several topics.
@@ -39,11 +39,17 @@ impl Outputs {
         book: Rc<RefCell<Book>>,
     ) -> Result<Self, BusError> {
         let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
+        let takes_any = |node: &&NodePlan| kinds.iter().any(|kind| node.takes.contains(kind));
+        let takers: Vec<&NodePlan> = run.nodes.iter().filter(takes_any).collect();
+        let bells = ports.bells(takers.iter().copied())?;
+        let bells: Vec<Rc<Bell>> = bells.into_iter().map(Rc::new).collect();
         let output = |topic: Topic| {
             book.borrow_mut().send_out(&topic.name);
+            let takes = takers.iter().map(|node| node.takes.contains(&topic.kind));
+            let rung = bells.iter().zip(takes).filter(|(_, takes)| *takes);
             Ok(Output {
                 publisher: ports.publisher(&topic)?,
-                takers: ports.bells(run.takers(topic.kind))?,
+                takers: rung.map(|(bell, _)| Rc::clone(bell)).collect(),
                 topic,
             })
         };
@@ -99,7 +105,7 @@ impl Outputs {
             ..*cause
         };
         ports::send(loan.sample, &header)?;
-        output.takers.iter().for_each(Bell::ring);
+        output.takers.iter().for_each(|bell| bell.ring());
         let mut book = self.book.borrow_mut();
         book.published(&output.topic.name, cause.sequence);
         book.meter.add(cause.sequence, elapsed);

@@ -22,6 +22,34 @@ pub fn count_parts(recording: &Path) -> u32 {
         .unwrap_or(u32::MAX)
 }
 
+/// The parts that lie beyond the first that is not there.
+pub fn stray_parts(recording: &Path) -> Vec<PathBuf> {
+    let next = count_parts(recording);
+    let folder = recording
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    let Ok(entries) = std::fs::read_dir(folder.unwrap_or(Path::new("."))) else {
+        return Vec::new();
+    };
+    let names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
+    let number = |name: &std::ffi::OsString| {
+        // Between the stem and the extension.
+        let stem = Path::new(name).file_stem()?;
+        Path::new(stem).extension()?.to_str()?.parse::<u32>().ok()
+    };
+    let mut numbers: Vec<u32> = names
+        .iter()
+        .filter_map(number)
+        .filter(|n| *n > next)
+        .collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let paths = numbers
+        .into_iter()
+        .map(|number| part_path(recording, number));
+    paths.filter(|path| path.exists()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -15,7 +15,7 @@ use thiserror::Error;
 use super::file::{Chunk, Contents, FileSchema, first_sequence};
 use super::metadata::Metadata;
 use super::metadata::{Identity, LEDGER, MetadataError, NAME, ledger};
-use super::parts::{count_parts, part_path};
+use super::parts::{count_parts, part_path, stray_parts};
 
 /// Why a recording cannot be read.
 #[derive(Debug, Error)]
@@ -264,6 +264,18 @@ impl Recording {
             notes.push(format!(
                 "{} is unfinished: its writer ended before it; {torn} torn bytes at its end are left out",
                 part.path.display()
+            ));
+        }
+        let strays = stray_parts(path);
+        let of_this = |stray: &&PathBuf| {
+            let part = Part::open(stray).and_then(|part| part.metadata());
+            part.is_ok_and(|(_, of_part)| of_part.recording == identity.recording)
+        };
+        if let Some(stray) = strays.iter().find(of_this) {
+            notes.push(format!(
+                "{} is missing, and {} and what comes after it is left out",
+                part_path(path, count_parts(path)).display(),
+                stray.display()
             ));
         }
         let codec = Codec::new(metadata.rig.clone(), metadata.reference);

@@ -15,6 +15,8 @@ pub(crate) struct Known {
     pub(crate) cx: Option<f64>,
     pub(crate) cy: Option<f64>,
     pub(crate) baseline_m: Option<f64>,
+    /// Whether the lens distorts: images must be rectified before.
+    pub(crate) is_distorted: bool,
 }
 
 impl Known {
@@ -25,6 +27,7 @@ impl Known {
             cx: settings.cx.or(otherwise.cx),
             cy: settings.cy.or(otherwise.cy),
             baseline_m: settings.baseline.or(otherwise.baseline_m),
+            is_distorted: otherwise.is_distorted,
         }
     }
 
@@ -107,15 +110,9 @@ pub(crate) fn read(path: &Path, sizes: &[Size]) -> Result<Known, SourceError> {
             "it is for images of {calibrated} pixels, and these are {size}"
         )));
     }
-    let distorted = info
+    let is_distorted = info
         .distortion_coefficients
         .is_some_and(|matrix| matrix.data.iter().any(|&value| value != 0.0));
-    if distorted {
-        let how = "rectify the images, and set its distortion coefficients to 0";
-        return Err(wrong(format!(
-            "it describes images with lens distortion, and views must be rectified: {how}"
-        )));
-    }
     let [fx, fy] = [projection[0], projection[5]];
     if fx <= 0.0 {
         return Err(wrong(format!(
@@ -133,5 +130,6 @@ pub(crate) fn read(path: &Path, sizes: &[Size]) -> Result<Known, SourceError> {
         cy: Some(projection[6]),
         // The left camera's is zero: the baseline is then unknown.
         baseline_m: (projection[3] != 0.0).then(|| (projection[3] / fx).abs()),
+        is_distorted,
     })
 }

@@ -84,7 +84,7 @@ pub enum SourceError {
     },
 
     /// Fewer than three views chosen.
-    #[error("views chooses {} of at least three: {}", chosen.len(), list(chosen))]
+    #[error("three views are needed, left to right, and views chooses {}: {}", chosen.len(), list(chosen))]
     TooFewChosen {
         /// The choice.
         chosen: Vec<u32>,
@@ -238,6 +238,19 @@ pub enum SourceError {
 }
 
 impl SourceError {
+    /// Whether what was asked for is wrong, not what is there.
+    pub fn is_wrong_use(&self) -> bool {
+        matches!(
+            self,
+            Self::Setting(_)
+                | Self::UnknownScene { .. }
+                | Self::TooFewChosen { .. }
+                | Self::ViewOrder { .. }
+                | Self::NoSuchView { .. }
+                | Self::UnequalSteps { .. }
+        )
+    }
+
     pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |error| Self::Io { path, error }

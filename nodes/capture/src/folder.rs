@@ -131,6 +131,7 @@ impl Listing {
             }
         }
         listing.images.sort_by(|a, b| by_name(a, b));
+        sort_by_side(&mut listing.images);
         listing.folders.sort_by(|a, b| by_name(a, b));
         Ok(listing)
     }
@@ -273,6 +274,28 @@ fn by_name(a: &Path, b: &Path) -> Ordering {
             .unwrap_or_default()
     };
     natural(&name(a), &name(b)).then_with(|| a.cmp(b))
+}
+
+/// Words for the sides, left to right.
+const SIDES: [&[&str]; 3] = [
+    &["left"],
+    &["centre", "center", "central", "middle"],
+    &["right"],
+];
+
+/// Three images of which one is called left, one right and one after the middle go in that order.
+fn sort_by_side(images: &mut [PathBuf]) {
+    let side = |path: &PathBuf| {
+        let name = path.file_stem()?.to_string_lossy().to_lowercase();
+        SIDES
+            .iter()
+            .position(|words| words.iter().any(|word| name.contains(word)))
+    };
+    let mut sides: Vec<_> = images.iter().map(side).collect();
+    sides.sort_unstable();
+    if sides == [Some(0), Some(1), Some(2)] {
+        images.sort_by_key(side);
+    }
 }
 
 /// Compares names as people do: runs of digits by their value, so that `view10` comes after `view9`.

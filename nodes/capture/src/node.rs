@@ -61,7 +61,10 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         match bus.request(wait)? {
             Some(Request::Stop(_)) => break,
             Some(Request::Drain) => is_draining = true,
-            Some(Request::Resend) => capture.resend()?,
+            Some(Request::Resend) => match capture.resend() {
+                Err(CaptureError::Source(error)) => failed = Some(error.to_string()),
+                resent => resent?,
+            },
             Some(Request::Begin | Request::Play(_)) | None => {}
         }
         capture.gate.hear_done(bus)?;

@@ -29,7 +29,8 @@ messages::settings! {
         pub cx: Option<f64> = None, in -100000.0..=100000.0;
         /// Row of the principal point, in pixels; overrides what the source knows.
         pub cy: Option<f64> = None, in -100000.0..=100000.0;
-        /// Path of a ROS `camera_info` YAML of the rectified images; the right camera's also holds the baseline.
+        /// Path of a ROS `camera_info` YAML of the rectified images; that of the camera next to the first, the central
+        /// one, also holds the baseline. The right one's would be of two steps.
         pub camera_info: Option<String> = None;
         /// Standard deviation of the sensor noise of rendered scenes, in gray levels. One level is what a machine
         /// vision camera shows at moderate gain.

@@ -290,8 +290,14 @@ fn calibration(
             "no calibration, {focal} px and {baseline} m are assumed; set focal and baseline, or camera_info"
         )),
     };
-    let warnings = warning.map(|why| format!("depths are in arbitrary units: {why}"));
-    Ok((known.calibration(size), warnings.into_iter().collect()))
+    let unknown = warning.map(|why| format!("depths are in arbitrary units: {why}"));
+    // ROS keeps the raw camera's distortion beside the rectified images' projection.
+    let distorted = known.is_distorted.then(|| {
+        "the camera_info is of a lens that distorts: the images must be rectified, as image_rect topics are"
+            .to_owned()
+    });
+    let warnings = unknown.into_iter().chain(distorted).collect();
+    Ok((known.calibration(size), warnings))
 }
 
 /// What is to be said once about folders of images.

@@ -501,7 +501,7 @@ fn fewer_than_three_views_are_refused() {
     let folder = Folder::of_views(5);
     assert_eq!(
         folder.told(&folder.open_views(&[0, 4]).unwrap_err()),
-        "views chooses 2 of at least three: 0,4"
+        "three views are needed, left to right, and views chooses 2: 0,4"
     );
     assert_eq!(
         folder.told(&folder.open_views(&[1, 3, 5]).unwrap_err()),

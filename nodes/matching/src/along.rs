@@ -33,6 +33,8 @@ pub(crate) struct Choice {
     pub(crate) bend: f32,
     /// Spots in the near and the far view; [`NONE`] where filled in.
     pub(crate) spots: [u32; 2],
+    /// The curves they belong to.
+    pub(crate) curves: [u32; 2],
     /// Number of points in its run.
     pub(crate) run: u32,
     /// Share of its neighbours that agree.
@@ -46,6 +48,7 @@ impl Choice {
         margin: 0.0,
         bend: 0.0,
         spots: [NONE; 2],
+        curves: [NONE; 2],
         run: 0,
         support: 0.0,
     };
@@ -81,13 +84,12 @@ pub(crate) struct Along {
 }
 
 impl Along {
-    /// Chooses disparities for the points of a curve; `near_curve` tells the curve a spot of the near view belongs to.
+    /// Chooses disparities for the points of a curve.
     pub(crate) fn choose(
         &mut self,
         points: std::ops::Range<usize>,
         candidates: &Candidates,
         smoothness: &Smoothness,
-        near_curve: impl Fn(u32) -> u32,
         choices: &mut [Choice],
     ) {
         let Smoothness {
@@ -116,7 +118,7 @@ impl Along {
             }
             let first = self.states.len();
             for (index, candidate) in own.iter().enumerate() {
-                let curve = near_curve(candidate.spots[0]);
+                let curve = candidate.curves[0];
                 let mut best = (f32::INFINITY, NONE);
                 for back in before.clone() {
                     let state = &self.states[back];
@@ -190,6 +192,7 @@ impl Along {
                 cost,
                 bend,
                 spots,
+                curves,
             } = own[state.candidate as usize];
             let elsewhere = own.iter().filter(|c| (c.disparity - disparity).abs() > 1.0);
             let rival = elsewhere.map(|c| c.cost).fold(1.0, f32::min);
@@ -199,6 +202,7 @@ impl Along {
                 margin: rival - cost,
                 bend,
                 spots,
+                curves,
                 ..Choice::NOTHING
             };
         }
@@ -281,6 +285,7 @@ pub(crate) fn fill_gaps(choices: &mut [Choice], steadiness: &Steadiness) {
                     margin: from.margin.min(to.margin),
                     bend: mix(from.bend, to.bend),
                     spots: [NONE; 2],
+                    curves: [NONE; 2],
                     run: from.run,
                     support: from.support.min(to.support),
                 };
@@ -339,7 +344,7 @@ mod tests {
                 Some(candidate) => {
                     sum += candidate.cost;
                     if let Some(last) = last {
-                        let crossing = if last.spots[0] == candidate.spots[0] {
+                        let crossing = if last.curves[0] == candidate.curves[0] {
                             0.0
                         } else {
                             smoothness.crossing
@@ -372,7 +377,8 @@ mod tests {
                         disparity: 6.0 * chance(seed * 1000 + point * 10 + i),
                         cost: 1.5 * chance(seed * 2000 + point * 10 + i),
                         bend: 0.0,
-                        spots: [(2.0 * chance(seed * 3000 + point * 10 + i)) as u32, 0],
+                        spots: [0; 2],
+                        curves: [(2.0 * chance(seed * 3000 + point * 10 + i)) as u32, 0],
                     };
                     (0..count).map(candidate).collect()
                 })
@@ -399,7 +405,7 @@ mod tests {
 
             let candidates = Candidates::from_lists(&lists);
             let mut choices = [Choice::NOTHING; 6];
-            Along::default().choose(0..6, &candidates, &smoothness, |spot| spot, &mut choices);
+            Along::default().choose(0..6, &candidates, &smoothness, &mut choices);
             let way: Vec<Option<Candidate>> = choices
                 .iter()
                 .zip(&lists)

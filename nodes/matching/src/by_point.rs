@@ -54,14 +54,11 @@ impl Matcher {
             least: s.run,
             margin: s.margin,
         };
-        let near = &self.rows[steps.near].spots;
-        let curve_of = |spot: u32| near[spot as usize].curve;
         for curve in reference.curves {
             self.along.choose(
                 curve.range(),
                 &self.candidates,
                 &smoothness,
-                curve_of,
                 &mut self.choices,
             );
             along::keep_runs(&mut self.choices[curve.range()], &steadiness);

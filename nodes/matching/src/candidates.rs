@@ -19,6 +19,8 @@ pub(crate) struct Candidate {
     pub(crate) bend: f32,
     /// The indices of the two spots, in the near and in the far view.
     pub(crate) spots: [u32; 2],
+    /// The curves they belong to.
+    pub(crate) curves: [u32; 2],
 }
 
 /// How likeness is weighed.
@@ -130,6 +132,7 @@ impl Candidates {
                                 cost,
                                 bend,
                                 spots,
+                                curves: [beside.curve, beyond.curve],
                             });
                         }
                     }

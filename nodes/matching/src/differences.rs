@@ -74,6 +74,7 @@ pub(crate) fn row_by_row(
             margin: 0.0,
             bend: xs[1] - (xs[0] + xs[2]) / 2.0,
             spots: [near as u32, far as u32],
+            curves: [closed.curves[steps.near], closed.curves[steps.far]],
             run: 1,
             support: 0.0,
         };
@@ -86,6 +87,7 @@ pub(crate) fn fill_whole(choices: &mut [Choice], centroid: Option<f32>, otherwis
     let filled = |disparity: f32, like: Choice| Choice {
         disparity,
         spots: [messages::NONE; 2],
+        curves: [messages::NONE; 2],
         ..like
     };
     let mut last: Option<usize> = None;

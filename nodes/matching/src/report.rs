@@ -27,11 +27,10 @@ impl Matcher {
                 if choice.is_seen() {
                     residual += choice.bend.abs();
                     seen += 1.0;
-                    for (i, view) in [steps.near, steps.far].into_iter().enumerate() {
-                        let partner = self.rows[view].spots[choice.spots[i] as usize].curve;
-                        match self.partners[i].iter_mut().find(|known| known.0 == partner) {
+                    for (partners, partner) in self.partners.iter_mut().zip(choice.curves) {
+                        match partners.iter_mut().find(|known| known.0 == partner) {
                             Some(known) => known.1 += 1,
-                            None => self.partners[i].push((partner, 1)),
+                            None => partners.push((partner, 1)),
                         }
                     }
                 }

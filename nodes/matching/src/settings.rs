@@ -95,10 +95,6 @@ messages::settings! {
         pub margin: f32 = 0.1, in 0..=10;
         /// Points to either side to which a line is fitted for a disparity; 0 keeps it as measured.
         pub straighten: usize = 4, in 0..=16;
-        /// Pixels around a point within which neighbours are asked for support.
-        pub support_radius: f32 = 12.0, in 1..=32;
-        /// Nearest neighbours asked.
-        pub support_nearest: u32 = 24, in 1..=256;
         /// Share of them that must agree; 0 asks nobody. 0.7 covers 0.01 more and is wrong a twentieth more often.
         pub support_share: f32 = 0.8, in 0..=1;
         /// Pixels of disparity within which neighbours agree.

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use messages::{Disparity, Image, Kind, Owned, Points, Size, Topic};
 use thiserror::Error;
 
+use messages::recording::Part;
+
 use crate::{ReadError, Recording};
 
 /// Why an export failed. What it was about to write is not there.
@@ -41,6 +43,9 @@ pub enum ExportError {
         /// The scans there are.
         held: String,
     },
+    /// The file is one of the recording's own.
+    #[error("{} is part of the recording that is exported; choose another name", .0.display())]
+    OntoItself(PathBuf),
     /// There is no scan at all.
     #[error("the recording holds no whole scan")]
     NoScan,
@@ -81,6 +86,18 @@ pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<PathBuf>
             held: recording.held(),
         }),
     };
+    for (what, path) in [("a PFM file", &wanted.pfm), ("a PLY file", &wanted.ply)] {
+        if path.is_some() {
+            only(what, recording)?;
+        }
+    }
+    let files = [&wanted.csv, &wanted.pfm, &wanted.ply];
+    for path in files.into_iter().flatten() {
+        let is_it = |part: &Part| is_same_file(&part.path, path);
+        if recording.parts.iter().any(is_it) {
+            return Err(ExportError::OntoItself(path.clone()));
+        }
+    }
     let mut written = Vec::new();
     if let Some(path) = &wanted.csv {
         csv(recording, &scans, path)?;
@@ -218,11 +235,30 @@ fn topic(recording: &Recording, kind: Kind) -> Topic {
     Topic::of(&recording.metadata().rig, kind).swap_remove(0)
 }
 
-/// Writes a file beside its place and moves it there: it is whole, or it is not there.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    let real = |path: &Path| fs::canonicalize(path).ok();
+    real(one).is_some_and(|one| real(other) == Some(one))
+}
+
+/// Writes a file beside its place and moves it there: it is whole, or it is not there. What is no plain file, such as a
+/// pipe, is written to as it is; `-` is standard output.
 fn whole(
     path: &Path,
     write: impl FnOnce(&mut File) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
+    if path == Path::new("-") {
+        return whole(Path::new("/dev/stdout"), write);
+    }
+    // A link is followed, not replaced.
+    let real = fs::canonicalize(path);
+    let path = real.as_deref().unwrap_or(path);
+    if fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir()) {
+        let opened = fs::OpenOptions::new().write(true).open(path);
+        return write(&mut opened.map_err(|source| ExportError::Io {
+            path: path.to_owned(),
+            source,
+        })?);
+    }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let beside = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
     let io = |source| ExportError::Io {

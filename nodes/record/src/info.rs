@@ -51,6 +51,9 @@ pub struct Info {
     pub faults: Vec<String>,
 }
 
+/// No more missing scans are named: a damaged number must not fill the memory.
+const MOST_NAMED: usize = 1000;
+
 /// One file of a recording.
 #[derive(Clone, Debug, Serialize)]
 pub struct PartInfo {
@@ -71,7 +74,7 @@ pub struct ScansInfo {
     pub whole: usize,
     /// Those that have not.
     pub partial: Vec<u64>,
-    /// Numbers missing between the first and the last.
+    /// Numbers missing between the first and the last; of very many only the first.
     pub missing: Vec<u64>,
     /// The scans' names, where they have some.
     pub names: Vec<String>,
@@ -107,7 +110,7 @@ impl Info {
         let gaps = scans.windows(2).flat_map(|pair| pair[0] + 1..pair[1]);
         Self {
             path: recording.path().to_owned(),
-            complete: recording.is_complete(),
+            complete: recording.is_complete() && ledger.is_some(),
             notes: recording.notes().to_vec(),
             version: metadata.version.clone(),
             source: metadata.source.clone(),
@@ -129,7 +132,7 @@ impl Info {
                     .copied()
                     .filter(|s| whole.binary_search(s).is_err())
                     .collect(),
-                missing: gaps.collect(),
+                missing: gaps.take(MOST_NAMED).collect(),
                 names: metadata.scans.clone(),
             },
             start_nanos: start,

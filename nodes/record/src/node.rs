@@ -6,13 +6,15 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use messages::Header;
-use messages::bus::{self, Bell, Bus, BusError, Finisher, Joined, Log, NodeReport, Request, Start};
+use messages::bus::{
+    self, Bell, Bus, BusError, Event, Finisher, Joined, Joins, Log, ReportsIn, Request, Start,
+};
 use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
 
 use crate::{
-    Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread, seal,
-    spawn,
+    Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread,
+    Written, spawn,
 };
 
 /// Why recording failed.
@@ -46,48 +48,47 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     let metadata = metadata(bus, start);
     let encoder = Encoder::new(&metadata.rig, metadata.reference, &settings);
     let writer = open(bus, &settings, &metadata, &encoder, start)?;
-    let path = writer.path().to_owned();
     let thread = spawn(writer, notify(bus)).map_err(RecordError::Thread)?;
     let mut recorder = Recorder::new(encoder, thread, done, start.resume.done_below);
     bus.ready()?;
+    let recorded = record(bus, &mut recorder, &mut scans, &mut heard);
+    // Whatever has happened, what was handed to the writer is written, and the file gets its end.
+    let finished = recorder.finish(recorded.as_ref().ok().and_then(Option::as_ref));
+    recorded?;
+    bus.finish(&[("bytes", finished?.bytes)]);
+    Ok(())
+}
+
+/// Records until told to stop; gives the run's ledger when the launcher knows it.
+fn record(
+    bus: &mut Bus,
+    recorder: &mut Recorder,
+    scans: &mut Joins,
+    heard: &mut ReportsIn,
+) -> Result<Option<Ledger>, RecordError> {
     let mut ending = None;
-    let result = loop {
-        if let Err(error) = recorder.hear_writer(bus) {
-            break Err(error);
+    loop {
+        recorder.hear_writer(bus)?;
+        while let Some(event) = heard.receive()? {
+            recorder.hear_node(event);
         }
-        while let Some(text) = heard.receive()? {
-            recorder.hear_node(&text);
-        }
-        if let Some(scan) = bus.scan_now(&mut scans)? {
+        if let Some(scan) = bus.scan_now(scans)? {
             recorder.take(bus, &scan)?;
             continue;
         }
-        if ending.is_some() && recorder.under_way.is_empty() {
-            break Ok(());
+        if let Some(ledger) = ending.take_if(|_| recorder.under_way.is_empty()) {
+            return Ok(ledger);
         }
         if let Some(Request::Stop(ledger)) = bus.request(Duration::from_secs(1))? {
-            ending = Some(ledger);
+            let with_own = |mut ledger: Box<Ledger>| {
+                ledger
+                    .nodes
+                    .insert(bus.name().to_owned(), bus.report(&[]).topics);
+                *ledger
+            };
+            ending = Some(ledger.map(with_own));
         }
-    };
-    if let Err(error) = result {
-        // What was flushed gets its index and its end, where the disk allows.
-        drop(recorder.thread.finish(None));
-        drop(seal(&path));
-        return Err(error);
     }
-    while let Some(text) = heard.receive()? {
-        recorder.hear_node(&text);
-    }
-    let ledger = ending.flatten().map(|mut ledger| {
-        ledger
-            .nodes
-            .insert(bus.name().to_owned(), bus.report(&[]).topics);
-        *ledger
-    });
-    recorder.close(ledger.as_ref());
-    let recorded = recorder.thread.finish(ledger.as_ref())?;
-    bus.finish(&[("bytes", recorded.bytes)]);
-    Ok(())
 }
 
 fn metadata(bus: &Bus, start: &Start) -> Metadata {
@@ -208,7 +209,11 @@ impl Recorder {
             .collect();
         let mut views = Vec::with_capacity(headers.len());
         for (header, message) in headers.iter().zip(scan.messages()) {
-            views.push((header, message.any_view()?));
+            let view = message.any_view()?;
+            if !view.is_sound() {
+                return Err(message.damaged());
+            }
+            views.push((header, view));
         }
         let mut batch = self.spare.pop().unwrap_or_default();
         self.encoder.encode(&views, &mut batch);
@@ -226,18 +231,19 @@ impl Recorder {
         Ok(())
     }
 
-    /// Hands to the writer what was said since the last scan, and how the run's ledger came out.
-    fn close(&mut self, ledger: Option<&Ledger>) {
-        let Some((sequence, nanos)) = self.last else {
-            return;
-        };
-        let mut batch = self.spare.pop().unwrap_or_default();
-        self.encoder.close(sequence, nanos, &mut batch);
-        self.write_log(&mut batch);
-        if let Some(ledger) = ledger {
-            self.encoder.ledger(ledger, &mut batch);
+    /// Hands to the writer what was said since the last scan and how the run's ledger came out, and finishes the
+    /// recording.
+    fn finish(mut self, ledger: Option<&Ledger>) -> Result<Written, WriteError> {
+        if let Some((sequence, nanos)) = self.last {
+            let mut batch = self.spare.pop().unwrap_or_default();
+            self.encoder.close(sequence, nanos, &mut batch);
+            self.write_log(&mut batch);
+            if let Some(ledger) = ledger {
+                self.encoder.ledger(ledger, &mut batch);
+            }
+            self.thread.write(batch);
         }
-        self.thread.write(batch);
+        self.thread.finish(ledger)
     }
 
     fn write_log(&mut self, batch: &mut Batch) {
@@ -247,11 +253,18 @@ impl Recorder {
     }
 
     /// Takes in what a node reported or said.
-    fn hear_node(&mut self, text: &str) {
-        if let Ok(report) = serde_json::from_str::<NodeReport>(text) {
-            self.ledger.nodes.insert(report.node, report.topics);
-        } else if let Ok(log) = serde_json::from_str::<Log>(text) {
-            self.log.push(log);
+    fn hear_node(&mut self, event: Event) {
+        match event {
+            Event::Report(report) | Event::Finished(report) => {
+                self.ledger.nodes.insert(report.node, report.topics);
+            }
+            Event::Progress(progress) => {
+                self.ledger.admitted = progress.admitted;
+                self.ledger.done = progress.done;
+                self.ledger.refused = progress.refused;
+            }
+            Event::Log(log) => self.log.push(log),
+            Event::Ports | Event::Connected => {}
         }
     }
 

@@ -20,6 +20,9 @@ pub(crate) trait Disk: Send + std::fmt::Debug {
 
     /// Waits until everything has reached the disk.
     fn sync(&mut self) -> io::Result<()>;
+
+    /// Has these bytes written to the disk soon, and forgets those that are: they are not read again.
+    fn forget(&mut self, _: Range<u64>) {}
 }
 
 impl Disk for File {
@@ -63,6 +66,16 @@ impl Disk for File {
     fn sync(&mut self) -> io::Result<()> {
         self.sync_all()
     }
+
+    /// Where memory is taken from a host, a page used before costs a fifth of one that was never touched; and what is
+    /// on its way to the disk need not be waited for at the end.
+    #[cfg(target_os = "linux")]
+    fn forget(&mut self, range: Range<u64>) {
+        use rustix::fs::{Advice, fadvise};
+        let len = std::num::NonZeroU64::new(range.end - range.start);
+        // Advice: nothing is lost when it is not taken.
+        fadvise(&*self, range.start, len, Advice::DontNeed).unwrap_or_default();
+    }
 }
 
 /// Room for schemas, channels and metadata in the index.
@@ -72,6 +85,9 @@ const INDEX_BYTES_A_SCAN: u64 = 4 << 10;
 /// Room is set aside in steps of this, so that not every flush needs to ask.
 const STEP: u64 = 8 << 20;
 
+/// How many appends may be on their way to the disk before they are forgotten.
+const LATEST: usize = 4;
+
 /// Appends to a file, all or nothing.
 #[derive(Debug)]
 pub(crate) struct Sink {
@@ -79,6 +95,8 @@ pub(crate) struct Sink {
     len: u64,
     appends: u64,
     allocated: u64,
+    /// Where the latest appends end, the oldest first.
+    latest: [u64; LATEST],
     failed: bool,
 }
 
@@ -90,6 +108,7 @@ impl Sink {
             len: 0,
             appends: 0,
             allocated: 0,
+            latest: [0; LATEST],
             failed: false,
         }
     }
@@ -108,6 +127,11 @@ impl Sink {
         let appended = self.reserve(end).and_then(|()| self.disk.append(pieces));
         match appended {
             Ok(()) => {
+                // What was written is on its way now, and what was on its way has mostly come there.
+                self.disk.forget(self.len..end);
+                self.disk.forget(self.latest[0]..self.latest[1]);
+                self.latest.rotate_left(1);
+                self.latest[LATEST - 1] = end;
                 self.len = end;
                 self.appends += 1;
             }

@@ -21,7 +21,7 @@ use crate::summary::{Summary, raw_record, record, schema_record, write};
 use crate::{Batch, Encoder, Sealed, Settings};
 use messages::recording::{Contents, FileSchema};
 use messages::recording::{Identity, Metadata, NAME, ledger_record};
-use messages::recording::{count_parts, part_path};
+use messages::recording::{count_parts, part_path, stray_parts};
 
 /// Why a recording cannot be written.
 #[derive(Debug, Error)]
@@ -123,21 +123,7 @@ impl Writer {
         encoder: &Encoder,
         settings: &Settings,
     ) -> Result<Self, WriteError> {
-        check_folder(path)?;
-        // A second part without a first one would be taken for the new recording's.
-        let parts = (0..=count_parts(path).max(1)).map(|part| part_path(path, part));
-        let existing: Vec<_> = parts.filter(|part| part.exists()).collect();
-        for part in &existing {
-            if !overwrite {
-                return Err(WriteError::Exists(part.clone()));
-            }
-            if part.is_dir() {
-                return Err(WriteError::NotAFile(part.clone()));
-            }
-            if part != path && identity_of(part).is_none_or(|identity| identity.part == 0) {
-                return Err(WriteError::NotAPart(part.clone()));
-            }
-        }
+        let existing = Self::check(path, overwrite)?;
         for part in existing.iter().filter(|part| *part != path) {
             fs::remove_file(part).map_err(|source| io_error(part, source))?;
         }
@@ -153,6 +139,39 @@ impl Writer {
             settings,
             Box::new(open_file),
         )
+    }
+
+    /// Whether a recording can be begun at this path, as far as can be told without writing; gives the files that would
+    /// be overwritten.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
+    pub fn check(path: &Path, overwrite: bool) -> Result<Vec<PathBuf>, WriteError> {
+        check_folder(path)?;
+        // A second part without a first one would be taken for the new recording's.
+        let parts = (0..=count_parts(path).max(1)).map(|part| part_path(path, part));
+        let mut existing: Vec<_> = parts.filter(|part| part.exists()).collect();
+        let is_part = |part: &PathBuf| identity_of(part).is_some_and(|identity| identity.part > 0);
+        existing.extend(stray_parts(path).into_iter().filter(is_part));
+        for part in &existing {
+            if !overwrite {
+                return Err(WriteError::Exists(part.clone()));
+            }
+            if part.is_dir() {
+                return Err(WriteError::NotAFile(part.clone()));
+            }
+            if part != path && identity_of(part).is_none_or(|identity| identity.part == 0) {
+                return Err(WriteError::NotAPart(part.clone()));
+            }
+        }
+        // Nothing is removed while somebody still writes any of them.
+        for part in &existing {
+            let file = File::open(part).map_err(|source| io_error(part, source))?;
+            if matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)) {
+                return Err(WriteError::Busy(part.clone()));
+            }
+        }
+        Ok(existing)
     }
 
     /// Goes on with a recording whose writer died: finishes what it left unfinished, and opens the next part. Without

@@ -99,5 +99,6 @@ pub(crate) fn camera(step: f64) -> Known {
         cx: Some(CENTRE[0].into()),
         cy: Some(CENTRE[1].into()),
         baseline_m: Some(f64::from(STEP) * step / 1000.0),
+        is_distorted: false,
     }
 }
