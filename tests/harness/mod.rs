@@ -35,6 +35,11 @@ impl World {
         self.folder.path().join(name)
     }
 
+    /// Where this world's runs have their folders.
+    pub(crate) fn runtime(&self) -> &Path {
+        self.runtime.path()
+    }
+
     /// The program, about to run in this world.
     pub(crate) fn tricurve(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tricurve"));

@@ -306,7 +306,10 @@ fn views_that_make_no_triple_are_refused() {
         sentence(&[0, 2, 5]),
         "there is no view 5 in scene:tab, whose views are 0 to 4"
     );
-    assert_eq!(sentence(&[0, 1]), "three views are needed, left to right, and views chooses 2: 0,1");
+    assert_eq!(
+        sentence(&[0, 1]),
+        "three views are needed, left to right, and views chooses 2: 0,1"
+    );
     assert_eq!(
         sentence(&[2, 1, 0]),
         "views must go from left to right, each at most once, not 2,1,0"
