@@ -3,8 +3,9 @@
 
 usage: memory.py TRICURVE [--scans 2000] [further arguments of `tricurve run`]
 
-Prints each node's own memory (RssAnon) and the run's shared memory after a quarter of the scans and at the end, in MB.
-Exits with 1 when a node grew by more than a twentieth and a megabyte meanwhile.
+Prints the most that each node held of its own memory (RssAnon), and the run of shared memory, in the second and in the
+last quarter of the scans, in MB: how many scans are under way at a moment varies, and with it what is held. Exits with 1
+when the most of a node grew by more than a twentieth and a megabyte.
 """
 import argparse, os, pathlib, subprocess, sys, tempfile, time
 
@@ -27,7 +28,7 @@ def anonymous(pid):
 
 
 def shared(run):
-    files = [entry for entry in os.scandir("/dev/shm") if entry.name.startswith(f"tricurve_{run}-")]
+    files = [entry for entry in os.scandir("/dev/shm") if entry.name.startswith(f"tricurve_{run:x}-")]
     return sum(entry.stat().st_blocks * 512 for entry in files) / 1e6
 
 
@@ -55,12 +56,13 @@ def main():
         if run.returncode != 0:
             lines.seek(0)
             sys.exit(f"the run failed: {lines.read()}")
-    begin = next(sample for done, sample in samples if 4 * done >= arguments.scans)
-    end = max((sample for _, sample in samples[-8:]), key=len)
+    quarters = [[sample for done, sample in samples if first <= 4 * done / arguments.scans < first + 1] for first in (1, 3)]
+    if not all(quarters):
+        sys.exit("too few scans to see how memory goes: --scans 2000")
     grown = []
-    print(f"{'node':<10} {'quarter':>9} {'end':>9}")
-    for name in begin:
-        before, after = begin[name], end.get(name, 0.0)
+    print(f"{'node':<10} {'quarter 2':>9} {'quarter 4':>9}")
+    for name in quarters[0][0]:
+        before, after = (max(sample.get(name, 0.0) for sample in quarter) for quarter in quarters)
         print(f"{name:<10} {before:9.1f} {after:9.1f}")
         if name != "shared" and after > 1.05 * before + 1.0:
             grown.append(name)
