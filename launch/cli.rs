@@ -24,6 +24,14 @@ pub(crate) enum Command {
     Replay(Replay),
     /// Show what a recording holds
     Info(Info),
+    /// Write what is readable of a truncated or damaged recording as a whole one
+    Recover(Recover),
+    /// Write several recordings of one rig as one
+    Merge(Merge),
+    /// Write a recording in several parts, which every command reads as one
+    Split(SplitArgs),
+    /// Write some topics or scans of a recording
+    Filter(Filter),
     /// Write a recording's results as CSV, PFM, PLY and pictures
     Export(Export),
     /// Check a graph file, and print the configuration it amounts to
@@ -217,9 +225,76 @@ pub(crate) struct Replay {
 pub(crate) struct Info {
     /// The recording; its further parts are found by their names
     pub(crate) file: PathBuf,
+    /// Exit with 3 unless it is complete, every scan is whole, cameras are known and the ledger balances
+    #[arg(long)]
+    pub(crate) check: bool,
     /// Print it as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Where a recording made from others goes.
+#[derive(Debug, Args)]
+pub(crate) struct Output {
+    /// The recording to write
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Overwrite a recording that is there already
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Recover {
+    /// The recording; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) output: Output,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Merge {
+    /// The recordings, in order; the scans of each are numbered on from those before
+    #[arg(required = true, num_args = 2..)]
+    pub(crate) files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) output: Output,
+}
+
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("when").required(true).multiple(true).args(["size", "duration", "scans"]))]
+pub(crate) struct SplitArgs {
+    /// The recording; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    /// A new part after so many megabytes of messages
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) size: Option<u64>,
+    /// A new part after so many seconds of recorded time
+    #[arg(long, value_name = "S")]
+    pub(crate) duration: Option<f64>,
+    /// A new part after so many scans
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) scans: Option<u64>,
+    #[command(flatten)]
+    pub(crate) output: Output,
+}
+
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("what").required(true).multiple(true).args(["topics", "scans"]))]
+pub(crate) struct Filter {
+    /// The recording; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    /// Only these topics, with * for anything; transforms and calibrations stay
+    #[arg(long, value_delimiter = ',', value_name = "points,edges/*")]
+    pub(crate) topics: Vec<String>,
+    /// Only the scans from A on, before B
+    #[arg(long, value_name = "A..B")]
+    pub(crate) scans: Option<Scans>,
+    #[command(flatten)]
+    pub(crate) output: Output,
 }
 
 #[derive(Debug, Args)]

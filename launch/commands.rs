@@ -6,6 +6,7 @@ mod export;
 mod graph;
 mod info;
 mod replay;
+mod rewrite;
 mod run;
 mod validate;
 
@@ -17,6 +18,10 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Replay(args) => replay::run(&args),
+        Command::Recover(args) => rewrite::recover(&args),
+        Command::Merge(args) => rewrite::merge(&args),
+        Command::Split(args) => rewrite::split(&args),
+        Command::Filter(args) => rewrite::filter(&args),
         Command::Info(args) => info::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Validate(args) => validate::run(&args),

@@ -12,5 +12,12 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         true => super::print_json(&info)?,
         false => super::print(&info.to_string())?,
     }
-    Ok(Outcome::Done)
+    let failures = info.failures();
+    if !args.check || failures.is_empty() {
+        return Ok(Outcome::Done);
+    }
+    for failure in failures {
+        crate::say!("tricurve: check: {failure}");
+    }
+    Ok(Outcome::Lost)
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use messages::recording::Recording;
 use messages::{Kind, Rig, Stage};
 use replay::verify::Findings;
-use replay::{Selection, replayed_kinds};
+use replay::{Choice, Selection, replayed_kinds};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -26,7 +26,16 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let from = Stage::from(args.from);
     let (first, end) = range(args, &source);
-    let selection = Selection::of(&source, from, first, end).map_err(Failure::failed)?;
+    let selection = Selection::of(
+        &source,
+        Choice {
+            from,
+            first,
+            end,
+            whole: args.verify,
+        },
+    )
+    .map_err(Failure::failed)?;
     if selection.broken > 0 {
         let (broken, all) = (selection.broken, selection.broken + selection.scans.len());
         crate::say!("replay: warning: {broken} of {all} scans are not whole and are left out");
@@ -121,7 +130,7 @@ fn graph(
         graph.insert("delivery".to_owned(), json!("lossless"));
     }
     let mut source = json!({
-        "file": path, "from": from, "first": first, "paused": args.start_paused, "repeat": args.repeat,
+        "file": path, "from": from, "first": first, "whole": args.verify, "paused": args.start_paused, "repeat": args.repeat,
     });
     let mut verify = json!({ "file": path, "from": from, "first": first });
     if let Some(end) = end {

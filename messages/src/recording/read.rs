@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 use crate::ledger::Ledger;
 use crate::record::{Codec, DecodeError, Recorded};
 use crate::{Header, Kind, Owned, Topic};
+use mcap::Attachment;
 use mcap::records::ChunkIndex;
 use thiserror::Error;
 
-use super::file::{Chunk, Contents, FileSchema, first_sequence};
+use super::file::{Chunk, Contents, FileSchema, RECORD_HEAD, first_sequence};
 use super::metadata::Metadata;
 use super::metadata::{Identity, LEDGER, MetadataError, NAME, ledger};
 use super::parts::{count_parts, part_path, stray_parts};
@@ -212,6 +213,8 @@ pub struct Recording {
     pub parts: Vec<Part>,
     scans: BTreeMap<u64, Held>,
     notes: Vec<String>,
+    /// Bytes of chunks that could not even be begun.
+    lost_bytes: u64,
 }
 
 /// Topics of which a scan may have several messages.
@@ -287,6 +290,7 @@ impl Recording {
             parts,
             scans: BTreeMap::new(),
             notes,
+            lost_bytes: 0,
         };
         recording.find_scans();
         Ok(recording)
@@ -312,11 +316,14 @@ impl Recording {
                             });
                         }
                     }
-                    Err(error) => self.notes.push(format!(
-                        "{} is damaged at byte {}: {error}",
-                        path.display(),
-                        index.chunk_start_offset
-                    )),
+                    Err(error) => {
+                        self.lost_bytes += index.chunk_length;
+                        self.notes.push(format!(
+                            "{} is damaged at byte {}: {error}",
+                            path.display(),
+                            index.chunk_start_offset
+                        ));
+                    }
                 }
             }
         }
@@ -429,6 +436,89 @@ impl Recording {
         sequence: u64,
         wanted: impl Fn(&str) -> bool,
     ) -> Result<Scan, ReadError> {
+        self.scan_where(sequence, wanted, |error, _| Err(error))
+    }
+
+    /// Reads of a scan what can be read, and how many bytes cannot.
+    ///
+    /// # Errors
+    /// When there is no such scan, or the system fails.
+    pub fn salvage(&mut self, sequence: u64) -> Result<(Scan, u64), ReadError> {
+        let mut unreadable = 0;
+        let scan = self.scan_where(
+            sequence,
+            |_| true,
+            |_, bytes| {
+                unreadable += bytes;
+                Ok(())
+            },
+        )?;
+        Ok((scan, unreadable))
+    }
+
+    /// Bytes that belong to no scan: torn ends, and chunks of which not even the beginning can be read.
+    pub fn unreadable_bytes(&self) -> u64 {
+        let torn = |part: &Part| match part.contents.is_finished {
+            true => 0,
+            false => part.bytes - part.contents.whole_until,
+        };
+        self.parts.iter().map(torn).sum::<u64>() + self.lost_bytes
+    }
+
+    /// Its channels in the order they are defined: topic, message encoding, schema.
+    pub fn definitions(&self) -> Vec<(&str, &str, Option<&FileSchema>)> {
+        let mut definitions: Vec<(&str, &str, Option<&FileSchema>)> = Vec::new();
+        for Part { contents, .. } in &self.parts {
+            for channel in contents.channels.values() {
+                if definitions
+                    .iter()
+                    .all(|(topic, ..)| *topic != channel.topic)
+                {
+                    let schema = contents.schemas.get(&channel.schema_id);
+                    definitions.push((&channel.topic, &channel.message_encoding, schema));
+                }
+            }
+        }
+        definitions
+    }
+
+    /// Its metadata besides what it says about itself.
+    pub fn further_metadata(&self) -> impl Iterator<Item = &mcap::records::Metadata> {
+        let records = self.parts.iter().flat_map(|part| &part.contents.metadata);
+        records
+            .map(|(_, record)| record)
+            .filter(|record| record.name != NAME)
+    }
+
+    /// Its attachments, those of the same name once.
+    ///
+    /// # Errors
+    /// When one cannot be read.
+    pub fn attachments(&mut self) -> Result<Vec<Attachment<'static>>, ReadError> {
+        let mut attachments: Vec<Attachment<'static>> = Vec::new();
+        for part in &mut self.parts {
+            for index in &part.contents.attachments {
+                if attachments.iter().any(|known| known.name == index.name) {
+                    continue;
+                }
+                let attachment = attachment_at(&mut part.file, index);
+                attachments.push(attachment.map_err(|source| ReadError::Damaged {
+                    path: part.path.clone(),
+                    offset: index.offset,
+                    source,
+                })?);
+            }
+        }
+        Ok(attachments)
+    }
+
+    /// Reads a scan; what is damaged, and how many bytes that is, is for `on_damage` to judge.
+    fn scan_where(
+        &mut self,
+        sequence: u64,
+        wanted: impl Fn(&str) -> bool,
+        mut on_damage: impl FnMut(ReadError, u64) -> Result<(), ReadError>,
+    ) -> Result<Scan, ReadError> {
         let Some(held) = self.scans.get(&sequence) else {
             return Err(ReadError::NoScan {
                 scan: sequence,
@@ -458,14 +548,20 @@ impl Recording {
             {
                 continue;
             }
-            let chunk = Chunk::load(file, index).map_err(|source| {
-                let offset = index.chunk_start_offset;
-                ReadError::Damaged {
-                    path: path.clone(),
-                    offset,
-                    source,
+            let chunk = match Chunk::load(file, index) {
+                Ok(chunk) => chunk,
+                Err(source) => {
+                    let offset = index.chunk_start_offset;
+                    let path = path.clone();
+                    let error = ReadError::Damaged {
+                        path,
+                        offset,
+                        source,
+                    };
+                    on_damage(error, index.chunk_length)?;
+                    continue;
                 }
-            })?;
+            };
             for (header, range) in &chunk.messages {
                 let Some(topic) = topic(&header.channel_id) else {
                     continue;
@@ -561,6 +657,28 @@ impl Part {
             path: self.path.clone(),
             source,
         })
+    }
+}
+
+/// Reads an attachment.
+fn attachment_at(
+    file: &mut File,
+    index: &mcap::records::AttachmentIndex,
+) -> Result<Attachment<'static>, mcap::McapError> {
+    use io::Seek;
+    file.seek(io::SeekFrom::Start(index.offset + RECORD_HEAD))?;
+    let mut body = Vec::new();
+    let length = index.length.saturating_sub(RECORD_HEAD);
+    file.by_ref().take(length).read_to_end(&mut body)?;
+    match mcap::parse_record(mcap::records::op::ATTACHMENT, &body)? {
+        mcap::records::Record::Attachment { header, data, .. } => Ok(Attachment {
+            log_time: header.log_time,
+            create_time: header.create_time,
+            name: header.name,
+            media_type: header.media_type,
+            data: data.into_owned().into(),
+        }),
+        _ => Err(mcap::McapError::UnexpectedEof),
     }
 }
 

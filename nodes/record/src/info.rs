@@ -149,6 +149,36 @@ impl Info {
     }
 }
 
+impl Info {
+    /// What makes the recording less than it should be, a sentence each: whether it is complete, its scans whole and
+    /// without gaps, its cameras known, its ledger balanced.
+    pub fn failures(&self) -> Vec<String> {
+        let mut failures = self.notes.clone();
+        if self.ledger.is_none() {
+            failures.push("the run did not come to its end: there is no ledger".to_owned());
+        }
+        failures.extend(self.faults.iter().cloned());
+        let scans = &self.scans;
+        if scans.total == 0 {
+            failures.push("there are no scans".to_owned());
+        }
+        if !scans.partial.is_empty() {
+            failures.push(format!("scans {} lack messages", some_of(&scans.partial)));
+        }
+        if !scans.missing.is_empty() {
+            failures.push(format!("scans {} are missing", some_of(&scans.missing)));
+        }
+        for view in &self.rig.views {
+            let name = format!("camera/{}/calibration", view.name);
+            let count = self.topics.iter().find(|topic| topic.topic == name);
+            if count.is_none_or(|topic| topic.count == 0) {
+                failures.push(format!("there is no {name}"));
+            }
+        }
+        failures
+    }
+}
+
 fn topics(recording: &Recording, duration: f64) -> Vec<TopicInfo> {
     let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
     for (_, topics) in recording.topics_by_scan() {

@@ -16,6 +16,7 @@ mod export;
 mod info;
 #[cfg(feature = "node")]
 pub mod node;
+mod rewrite;
 mod seal;
 mod settings;
 mod sink;
@@ -28,6 +29,7 @@ pub use messages::recording::{Metadata, MetadataError, ReadError, Recording, Sca
 pub use batch::{Batch, Encoder};
 pub use export::{CSV_HEADER, Export, ExportError, export};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
+pub use rewrite::{RewriteError, Rewritten, Split, Wanted, rewrite};
 pub use seal::{SealError, Sealed, seal};
 pub use settings::{Compression, Settings};
 pub use thread::{Report, WriterThread, spawn};

@@ -450,7 +450,7 @@ fn now_nanos() -> u64 {
 }
 
 /// What tells this recording from all others.
-fn unique() -> String {
+pub(crate) fn unique() -> String {
     format!("{:x}-{:x}", now_nanos(), std::process::id())
 }
 

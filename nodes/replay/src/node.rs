@@ -35,7 +35,7 @@ const IDLE: Duration = Duration::from_secs(1);
 /// before comes out.
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), ReplayError> {
     let recording = Recording::open(Path::new(&settings.file))?;
-    let selection = Selection::of(&recording, settings.from, settings.first, settings.end)?;
+    let selection = Selection::of(&recording, settings.choice())?;
     let count = selection.scans.len() as u64;
     let total = (!settings.repeat).then_some(count);
     let mut replay = Replay {

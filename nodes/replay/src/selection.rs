@@ -16,6 +16,19 @@ pub struct Selection {
     pub broken: usize,
 }
 
+/// What is to be selected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// The first stage that computes anew.
+    pub from: Stage,
+    /// The recording's scan to begin with.
+    pub first: u64,
+    /// The recording's scan before which to end.
+    pub end: Option<u64>,
+    /// Whether scans must have all that was recorded of others, not only what is replayed.
+    pub whole: bool,
+}
+
 /// Why a recording cannot be replayed so.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SelectionError {
@@ -50,17 +63,17 @@ pub fn replayed_kinds(from: Stage) -> Vec<Kind> {
 }
 
 impl Selection {
-    /// What is replayed of a recording when `from` is the first stage that computes anew, of the scans from `first`
-    /// and before `end`.
+    /// What is replayed of a recording.
     ///
     /// # Errors
     /// When the recording lacks topics that the cut needs, or no scan is left.
-    pub fn of(
-        recording: &Recording,
-        from: Stage,
-        first: u64,
-        end: Option<u64>,
-    ) -> Result<Self, SelectionError> {
+    pub fn of(recording: &Recording, choice: Choice) -> Result<Self, SelectionError> {
+        let Choice {
+            from,
+            first,
+            end,
+            whole,
+        } = choice;
         let rig = &recording.metadata().rig;
         let topics_of = |kinds: &[Kind]| -> Vec<Topic> {
             kinds
@@ -101,8 +114,12 @@ impl Selection {
             .scans()
             .filter(|scan| range.contains(scan))
             .count();
-        let scans: Vec<(u64, u64)> = recording
-            .scans_with(&topics)
+        let mut scans = recording.scans_with(&topics);
+        if whole {
+            let all = recording.whole_scans();
+            scans.retain(|scan| all.binary_search(scan).is_ok());
+        }
+        let scans: Vec<(u64, u64)> = scans
             .into_iter()
             .filter(|scan| range.contains(scan))
             .filter_map(|scan| Some((scan, recording.nanos(scan)?)))

@@ -6,7 +6,7 @@ use messages::bus::{Bus, BusError, Start};
 use messages::recording::{ReadError, Recording};
 
 use super::{Findings, Settings};
-use crate::{Selection, SelectionError, replayed_kinds};
+use crate::{Choice, Selection, SelectionError, replayed_kinds};
 
 /// Why comparing failed.
 #[derive(Debug, thiserror::Error)]
@@ -32,7 +32,16 @@ pub enum VerifyError {
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), VerifyError> {
     let mut recording = Recording::open(Path::new(&settings.file))?;
     let codec = recording.codec().clone();
-    let selection = Selection::of(&recording, settings.from, settings.first, settings.end)?;
+    let selection = Selection::of(
+        &recording,
+        Choice {
+            from: settings.from,
+            first: settings.first,
+            end: settings.end,
+            // What was not recorded cannot be compared.
+            whole: true,
+        },
+    )?;
     let replayed = replayed_kinds(settings.from);
     let mut kinds = bus.run().kinds();
     kinds.retain(|kind| !replayed.contains(kind));

@@ -1,0 +1,442 @@
+//! Recordings made from recordings: recovered, merged, split, filtered.
+//!
+//! ```text
+//! parts, whole or damaged ─► Recording ─► scans, each topic once ─► Rewriter ─► out.mcap, out.1.mcap …
+//! ```
+//!
+//! Messages are copied as they are, byte for byte; metadata, attachments and schemas go into every part. The input is
+//! only read. A part gets its name when it is finished: until then it is called `.name.part`.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use mcap::records::MessageHeader;
+use mcap::{McapError, WriteOptions};
+use messages::recording::{Identity, Metadata, ReadError, Recording, Scan, part_path};
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::{Compression, WriteError, Writer};
+
+/// Why recordings could not be rewritten.
+#[derive(Debug, Error)]
+pub enum RewriteError {
+    /// An input cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The output cannot be begun.
+    #[error(transparent)]
+    Begin(#[from] WriteError),
+    /// The output cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: McapError,
+    },
+    /// The output is one of the inputs.
+    #[error("{} is read and cannot be written too; choose another name", .0.display())]
+    OntoItself(PathBuf),
+    /// Inputs of different rigs.
+    #[error(
+        "{} and {} are of different rigs (views, channels, image size or calibration) and cannot be one recording",
+        one.display(),
+        other.display()
+    )]
+    Rigs {
+        /// The first input.
+        one: PathBuf,
+        /// The one that differs.
+        other: PathBuf,
+    },
+    /// Nothing was chosen.
+    #[error("no scan is left to write")]
+    Nothing,
+}
+
+/// What is to be written of the inputs.
+pub struct Wanted<'a> {
+    /// Which topics; transforms and calibrations are kept in any case.
+    pub topic: &'a dyn Fn(&str) -> bool,
+    /// Which scans, by their numbers in the input.
+    pub scans: Range<u64>,
+    /// When a new part begins.
+    pub split: Split,
+    /// Whether a file that is there is overwritten.
+    pub overwrite: bool,
+    /// Called after each scan with how many are written, of how many.
+    pub progress: &'a mut dyn FnMut(usize, usize),
+}
+
+impl std::fmt::Debug for Wanted<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Wanted")
+            .field("scans", &self.scans)
+            .field("split", &self.split)
+            .finish_non_exhaustive()
+    }
+}
+
+/// When a new part begins; never, by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Split {
+    /// After so many bytes of messages.
+    pub bytes: Option<u64>,
+    /// After so many seconds of recorded time.
+    pub seconds: Option<f64>,
+    /// After so many scans.
+    pub scans: Option<u64>,
+}
+
+/// What came of rewriting.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Rewritten {
+    /// The parts written.
+    pub parts: Vec<PathBuf>,
+    /// Scans of which at least one message is written.
+    pub scans: u64,
+    /// Of these, those that have a message of every data topic of the recording.
+    pub whole: u64,
+    /// Messages by topic.
+    pub messages: BTreeMap<String, u64>,
+    /// Bytes of the inputs that could not be read.
+    pub unreadable_bytes: u64,
+    /// What is the matter with the inputs, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Writes what is wanted of these recordings, one after the other, as one. Scans of parts of one recording keep their
+/// numbers; those of a further recording are numbered on.
+///
+/// # Errors
+/// When an input is no recording, or the output cannot be written; no part that is not finished is left behind.
+pub fn rewrite(
+    inputs: &[PathBuf],
+    out: &Path,
+    wanted: Wanted<'_>,
+) -> Result<Rewritten, RewriteError> {
+    let mut recordings = inputs
+        .iter()
+        .map(|path| Recording::open(path))
+        .collect::<Result<Vec<_>, _>>()?;
+    let own = recordings.iter().flat_map(|recording| &recording.parts);
+    let real = |path: &Path| fs::canonicalize(path).ok();
+    if let Some(part) = own
+        .into_iter()
+        .find(|part| real(out).is_some_and(|out| real(&part.path) == Some(out)))
+    {
+        return Err(RewriteError::OntoItself(part.path.clone()));
+    }
+    if let Some(other) = recordings
+        .iter()
+        .find(|other| other.metadata().rig != recordings[0].metadata().rig)
+    {
+        return Err(RewriteError::Rigs {
+            one: recordings[0].path().to_owned(),
+            other: other.path().to_owned(),
+        });
+    }
+    for old in Writer::check(out, wanted.overwrite)? {
+        fs::remove_file(&old).map_err(|source| write_error(&old, source.into()))?;
+    }
+    let Some(first) = recordings.first() else {
+        return Err(RewriteError::Nothing);
+    };
+    let frame = Frame::of(first.metadata().clone(), &mut recordings, wanted.topic)?;
+    let chosen = |recording: &Recording| -> Vec<u64> {
+        recording
+            .scans()
+            .filter(|scan| wanted.scans.contains(scan))
+            .collect()
+    };
+    let all: usize = recordings
+        .iter()
+        .map(|recording| chosen(recording).len())
+        .sum();
+    let mut rewriter = Rewriter::new(out, frame, wanted.split);
+    let mut done = 0;
+    let mut offset = 0;
+    for recording in &mut recordings {
+        let mut next = offset;
+        let whole = recording.whole_scans();
+        rewriter.done.unreadable_bytes += recording.unreadable_bytes();
+        for scan in chosen(recording) {
+            let (mut read, unreadable) = recording.salvage(scan)?;
+            rewriter.done.unreadable_bytes += unreadable;
+            read.sequence = scan + offset;
+            next = next.max(read.sequence + 1);
+            rewriter.write(&read, wanted.topic)?;
+            rewriter.done.whole += u64::from(unreadable == 0 && whole.binary_search(&scan).is_ok());
+            done += 1;
+            (wanted.progress)(done, all);
+        }
+        rewriter
+            .done
+            .notes
+            .extend(recording.notes().iter().cloned());
+        offset = next;
+    }
+    if rewriter.done.scans == 0 {
+        return Err(RewriteError::Nothing);
+    }
+    rewriter.finish()
+}
+
+/// What stands in every part besides the scans.
+struct Frame {
+    metadata: Metadata,
+    recording: String,
+    further: Vec<mcap::records::Metadata>,
+    attachments: Vec<mcap::Attachment<'static>>,
+    /// Topic, message encoding, and schema: name, encoding, data.
+    channels: Vec<(String, String, Option<(String, String, Vec<u8>)>)>,
+}
+
+impl Frame {
+    fn of(
+        metadata: Metadata,
+        recordings: &mut [Recording],
+        topic: &dyn Fn(&str) -> bool,
+    ) -> Result<Self, RewriteError> {
+        let mut frame = Self {
+            metadata,
+            recording: crate::writer::unique(),
+            further: Vec::new(),
+            attachments: Vec::new(),
+            channels: Vec::new(),
+        };
+        let many = recordings.len() > 1;
+        for recording in recordings {
+            // The account of one run is not that of several.
+            frame
+                .further
+                .extend(recording.further_metadata().filter(|_| !many).cloned());
+            for attachment in recording.attachments()? {
+                if frame
+                    .attachments
+                    .iter()
+                    .all(|known| known.name != attachment.name)
+                {
+                    frame.attachments.push(attachment);
+                }
+            }
+            for (name, encoding, schema) in recording.definitions() {
+                let is_known = frame.channels.iter().any(|(known, ..)| known == name);
+                if !is_known && (is_kept_always(name) || topic(name)) {
+                    let schema =
+                        schema.map(|s| (s.name.clone(), s.encoding.clone(), s.data.clone()));
+                    frame
+                        .channels
+                        .push((name.to_owned(), encoding.to_owned(), schema));
+                }
+            }
+        }
+        Ok(frame)
+    }
+}
+
+/// Transforms and calibrations: without them nothing is in its place.
+fn is_kept_always(topic: &str) -> bool {
+    topic == "tf" || topic.ends_with("/calibration")
+}
+
+/// A part being written.
+struct Part {
+    path: PathBuf,
+    unfinished: PathBuf,
+    writer: mcap::Writer<BufWriter<File>>,
+    channels: BTreeMap<String, u16>,
+    first_nanos: u64,
+    bytes: u64,
+    scans: u64,
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // Of a finished part there is nothing left under this name.
+        fs::remove_file(&self.unfinished).unwrap_or_default();
+    }
+}
+
+struct Rewriter {
+    out: PathBuf,
+    frame: Frame,
+    split: Split,
+    part: Option<Part>,
+    done: Rewritten,
+}
+
+impl Rewriter {
+    fn new(out: &Path, frame: Frame, split: Split) -> Self {
+        Self {
+            out: out.to_owned(),
+            frame,
+            split,
+            part: None,
+            done: Rewritten::default(),
+        }
+    }
+
+    fn write(&mut self, scan: &Scan, topic: &dyn Fn(&str) -> bool) -> Result<(), RewriteError> {
+        if self
+            .part
+            .as_ref()
+            .is_some_and(|part| self.is_full(part, scan))
+        {
+            self.close_part()?;
+        }
+        if self.part.is_none() {
+            let number = self.done.parts.len() as u32;
+            self.part = Some(open_part(&self.out, number, &self.frame, scan.nanos)?);
+        }
+        let Some(part) = &mut self.part else {
+            return Ok(());
+        };
+        let mut any = false;
+        for (name, bytes) in scan.messages() {
+            let Some(&channel_id) = part
+                .channels
+                .get(name)
+                .filter(|_| is_kept_always(name) || topic(name))
+            else {
+                continue;
+            };
+            let header = MessageHeader {
+                channel_id,
+                sequence: scan.sequence as u32,
+                log_time: scan.nanos,
+                publish_time: scan.nanos,
+            };
+            let renumbered = renumbered(name, bytes, scan.sequence);
+            let bytes = renumbered.as_deref().unwrap_or(bytes);
+            part.writer
+                .write_to_known_channel(&header, bytes)
+                .map_err(|source| write_error(&part.path, source))?;
+            part.bytes += bytes.len() as u64;
+            *self.done.messages.entry(name.to_owned()).or_default() += 1;
+            any = true;
+        }
+        // A chunk holds one scan: it is found without reading others.
+        part.writer
+            .flush()
+            .map_err(|source| write_error(&part.path, source))?;
+        part.scans += u64::from(any);
+        self.done.scans += u64::from(any);
+        Ok(())
+    }
+
+    fn is_full(&self, part: &Part, scan: &Scan) -> bool {
+        let Split {
+            bytes,
+            seconds,
+            scans,
+        } = self.split;
+        let elapsed = scan.nanos.saturating_sub(part.first_nanos) as f64 / 1e9;
+        bytes.is_some_and(|most| part.bytes >= most)
+            || seconds.is_some_and(|most| elapsed >= most)
+            || scans.is_some_and(|most| part.scans >= most)
+    }
+
+    fn close_part(&mut self) -> Result<(), RewriteError> {
+        let Some(mut part) = self.part.take() else {
+            return Ok(());
+        };
+        let error = |source| write_error(&part.path, source);
+        part.writer.finish().map_err(error)?;
+        fs::rename(&part.unfinished, &part.path).map_err(|e| write_error(&part.path, e.into()))?;
+        self.done.parts.push(part.path.clone());
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<Rewritten, RewriteError> {
+        self.close_part()?;
+        Ok(self.done)
+    }
+}
+
+/// The statistics of a scan that has another number now; nothing else says its number itself.
+fn renumbered(topic: &str, bytes: &[u8], sequence: u64) -> Option<Vec<u8>> {
+    if topic != "statistics" {
+        return None;
+    }
+    let mut statistics: serde_json::Value = serde_json::from_slice(bytes).ok()?;
+    let scan = statistics
+        .get_mut("scan")
+        .filter(|scan| **scan != sequence)?;
+    *scan = sequence.into();
+    serde_json::to_vec(&statistics).ok()
+}
+
+fn open_part(out: &Path, number: u32, frame: &Frame, nanos: u64) -> Result<Part, RewriteError> {
+    let path = part_path(out, number);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let unfinished = path.with_file_name(format!(".{name}.part"));
+    let error = |source: McapError| write_error(&path, source);
+    let file = File::create(&unfinished).map_err(|e| error(e.into()))?;
+    let compression = match Compression::default() {
+        Compression::None => None,
+        Compression::Lz4 => Some(mcap::Compression::Lz4),
+        Compression::Zstd => Some(mcap::Compression::Zstd),
+    };
+    let writer = WriteOptions::new()
+        .compression(compression)
+        .chunk_size(None)
+        .library(format!("tricurve {}", frame.metadata.version))
+        .create(BufWriter::new(file))
+        .map_err(error)?;
+    let mut part = Part {
+        writer,
+        channels: BTreeMap::new(),
+        first_nanos: nanos,
+        bytes: 0,
+        scans: 0,
+        unfinished: unfinished.clone(),
+        path: path.clone(),
+    };
+    let identity = Identity {
+        recording: frame.recording.clone(),
+        part: number,
+    };
+    let own = frame.metadata.to_record(&identity);
+    for record in std::iter::once(&own).chain(&frame.further) {
+        let metadata = mcap::records::Metadata {
+            name: record.name.clone(),
+            metadata: record.metadata.clone(),
+        };
+        part.writer.write_metadata(&metadata).map_err(error)?;
+    }
+    for attachment in &frame.attachments {
+        part.writer.attach(attachment).map_err(error)?;
+    }
+    for (topic, encoding, schema) in &frame.channels {
+        let schema = match schema {
+            Some((name, encoding, data)) => part
+                .writer
+                .add_schema(name, encoding, data)
+                .map_err(error)?,
+            None => 0,
+        };
+        let id = part
+            .writer
+            .add_channel(schema, topic, encoding, &BTreeMap::new())
+            .map_err(error)?;
+        part.channels.insert(topic.clone(), id);
+    }
+    Ok(part)
+}
+
+fn write_error(path: &Path, source: McapError) -> RewriteError {
+    match source {
+        McapError::Io(source) if source.kind() == io::ErrorKind::StorageFull => {
+            RewriteError::Begin(WriteError::Full(path.to_owned()))
+        }
+        source => RewriteError::Write {
+            path: path.to_owned(),
+            source,
+        },
+    }
+}
