@@ -84,8 +84,8 @@ fn smooth_down(pixels: &[u8], starts: &[usize], weights: &[f32], smoothed: &mut 
         let row = |k: usize| &pixels[starts[k] + part * TOGETHER..][..TOGETHER];
         let middle = row(reach);
         let mut sums: [f32; TOGETHER] = std::array::from_fn(|i| weights[0] * f32::from(middle[i]));
-        for k in 1..=reach {
-            let (above, below, weight) = (row(reach - k), row(reach + k), weights[k]);
+        for (k, &weight) in weights.iter().enumerate().skip(1) {
+            let (above, below) = (row(reach - k), row(reach + k));
             for i in 0..TOGETHER {
                 sums[i] += weight * f32::from(u16::from(above[i]) + u16::from(below[i]));
             }
@@ -102,8 +102,8 @@ fn smooth_along(line: &[f32], weights: &[f32], smoothed: &mut [f32]) {
         let row = |k: usize| &line[part * TOGETHER + k..][..TOGETHER];
         let middle = row(reach);
         let mut sums: [f32; TOGETHER] = std::array::from_fn(|i| weights[0] * middle[i]);
-        for k in 1..=reach {
-            let (left, right, weight) = (row(reach - k), row(reach + k), weights[k]);
+        for (k, &weight) in weights.iter().enumerate().skip(1) {
+            let (left, right) = (row(reach - k), row(reach + k));
             for i in 0..TOGETHER {
                 sums[i] += weight * (left[i] + right[i]);
             }

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
-use messages::recording::{Identity, Metadata, ReadError, Recording, Scan, part_path};
+use messages::recording::{FileSchema, Identity, Metadata, ReadError, Recording, Scan, part_path};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -192,8 +192,15 @@ struct Frame {
     recording: String,
     further: Vec<mcap::records::Metadata>,
     attachments: Vec<mcap::Attachment<'static>>,
-    /// Topic, message encoding, and schema: name, encoding, data.
-    channels: Vec<(String, String, Option<(String, String, Vec<u8>)>)>,
+    channels: Vec<Definition>,
+}
+
+/// A channel, as every part defines it.
+struct Definition {
+    topic: String,
+    /// How its messages are encoded.
+    encoding: String,
+    schema: Option<FileSchema>,
 }
 
 impl Frame {
@@ -225,13 +232,13 @@ impl Frame {
                 }
             }
             for (name, encoding, schema) in recording.definitions() {
-                let is_known = frame.channels.iter().any(|(known, ..)| known == name);
+                let is_known = frame.channels.iter().any(|known| known.topic == name);
                 if !is_known && (is_kept_always(name) || topic(name)) {
-                    let schema =
-                        schema.map(|s| (s.name.clone(), s.encoding.clone(), s.data.clone()));
-                    frame
-                        .channels
-                        .push((name.to_owned(), encoding.to_owned(), schema));
+                    frame.channels.push(Definition {
+                        topic: name.to_owned(),
+                        encoding: encoding.to_owned(),
+                        schema: schema.cloned(),
+                    });
                 }
             }
         }
@@ -412,14 +419,21 @@ fn open_part(out: &Path, number: u32, frame: &Frame, nanos: u64) -> Result<Part,
     for attachment in &frame.attachments {
         part.writer.attach(attachment).map_err(error)?;
     }
-    for (topic, encoding, schema) in &frame.channels {
-        let schema = match schema {
-            Some((name, encoding, data)) => part
+    for definition in &frame.channels {
+        let schema = match &definition.schema {
+            Some(FileSchema {
+                name,
+                encoding,
+                data,
+            }) => part
                 .writer
                 .add_schema(name, encoding, data)
                 .map_err(error)?,
             None => 0,
         };
+        let Definition {
+            topic, encoding, ..
+        } = definition;
         let id = part
             .writer
             .add_channel(schema, topic, encoding, &BTreeMap::new())
