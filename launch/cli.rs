@@ -98,6 +98,12 @@ pub(crate) struct Run {
     /// Overwrite a recording that is there already
     #[arg(long)]
     pub(crate) force: bool,
+    /// A new part of the recording after so many megabytes
+    #[arg(long, value_name = "MB", conflicts_with = "no_record")]
+    pub(crate) max_size: Option<u64>,
+    /// A new part of the recording after so many seconds of recorded time
+    #[arg(long, value_name = "S", conflicts_with = "no_record")]
+    pub(crate) max_duration: Option<f64>,
     /// What happens to a scan that finds the door closed
     #[arg(long, value_enum)]
     pub(crate) delivery: Option<DeliveryArg>,

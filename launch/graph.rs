@@ -424,6 +424,41 @@ mod tests {
     }
 
     #[test]
+    fn damaged_graph_files_are_told_and_never_panic() {
+        let good = load(BUILT_IN, &[]).unwrap().to_toml();
+        let mut state = 11u64;
+        let mut random = |below: usize| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % below
+        };
+        let (mut read, mut refused) = (0, 0);
+        for _ in 0..2000 {
+            let mut bytes = good.clone().into_bytes();
+            for _ in 0..=random(3) {
+                let (from, at) = (random(bytes.len()), random(bytes.len()));
+                match random(3) {
+                    0 => bytes[at] = b" \n=[]\".,-0x9#\0"[random(14)],
+                    1 => bytes.truncate(at.max(1)),
+                    _ => bytes[at] = bytes[from],
+                }
+            }
+            match load(&String::from_utf8_lossy(&bytes), &[]) {
+                Ok(graph) => {
+                    read += 1;
+                    assert!(!graph.to_mermaid().is_empty());
+                }
+                Err(text) => {
+                    refused += 1;
+                    assert!(!text.is_empty());
+                }
+            }
+        }
+        assert!(read > 50 && refused > 50, "{read} read, {refused} refused");
+    }
+
+    #[test]
     fn the_diagram_shows_every_node_and_the_way_back_to_the_door() {
         let diagram = load(BUILT_IN, &[]).unwrap().to_mermaid();
         for line in [

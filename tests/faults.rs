@@ -159,6 +159,42 @@ fn a_full_disk_ends_the_run_and_what_was_written_stays_readable() {
 }
 
 #[test]
+fn a_message_that_is_lost_on_its_way_is_missed_and_named() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let run = [
+        "run",
+        "--source",
+        &source,
+        "--scans",
+        "20",
+        "--record",
+        "x.mcap",
+        "--set",
+        "graph.patience=1",
+        "--json",
+    ];
+    let lossy = world
+        .tricurve(&run)
+        .env("TRICURVE_LOSE", "curves/left/2:7")
+        .output()
+        .unwrap();
+    let ran = Ran::new(lossy);
+    assert_eq!(ran.code, Some(3), "{ran:?}");
+    assert_eq!(ran.json()["balanced"], false, "{ran:?}");
+    for node in ["hough", "match"] {
+        let missed = ran.err.lines().any(|line| {
+            line.contains(&format!("{node} received")) && line.contains("missing scans [7]")
+        });
+        assert!(missed, "{node}: {}", ran.err);
+    }
+    let info = world.run(&["info", "x.mcap", "--check"]);
+    assert_eq!(info.code, Some(3), "{info:?}");
+    assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
+}
+
+#[test]
 fn clean_sweeps_up_after_a_run_whose_processes_were_all_killed() {
     let world = World::new();
     let mut child = start(&world, "100000");

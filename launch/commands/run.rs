@@ -90,6 +90,12 @@ fn overrides(args: &Args) -> Result<Overrides, Failure> {
     if args.force {
         overrides.set("record", "overwrite", true);
     }
+    if let Some(megabytes) = args.max_size {
+        overrides.set("record", "max_bytes", megabytes.saturating_mul(1_000_000));
+    }
+    if let Some(seconds) = args.max_duration {
+        overrides.set("record", "max_seconds", seconds);
+    }
     if args.no_record {
         overrides.without("record");
     }

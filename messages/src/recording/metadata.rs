@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::Rig;
 use crate::ledger::Ledger;
+use crate::{Rig, Size};
 use mcap::records;
 use thiserror::Error;
 
@@ -101,6 +101,9 @@ impl Metadata {
             return Err(MetadataError::Format(format));
         }
         let rig: Rig = parse("rig", &text("rig")?)?;
+        if !is_possible(&rig) {
+            return Err(MetadataError::Unreadable("rig"));
+        }
         let name = text("reference")?;
         let reference = rig.views.iter().position(|view| view.name == name);
         let metadata = Self {
@@ -123,6 +126,20 @@ impl Metadata {
             },
         ))
     }
+}
+
+/// More of anything than a rig has; a damaged number must not fill the memory.
+fn is_possible(rig: &Rig) -> bool {
+    const MOST: usize = 256;
+    const MOST_SIDE: u32 = 1 << 20;
+    const MOST_PIXELS: u64 = 1 << 28;
+    let Size { width, height } = rig.size;
+    let sides = 1..=MOST_SIDE;
+    sides.contains(&width)
+        && sides.contains(&height)
+        && u64::from(width) * u64::from(height) <= MOST_PIXELS
+        && (1..=MOST).contains(&rig.views.len())
+        && (1..=MOST).contains(&rig.channels.len())
 }
 
 /// The ledger's record.
@@ -155,7 +172,6 @@ fn parse<T: serde::de::DeserializeOwned>(
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use crate::Size;
 
     fn metadata() -> Metadata {
         Metadata {

@@ -1,0 +1,35 @@
+//! Every message decoder: whatever the bytes are, it says what is wrong or gives a message whose indices hold.
+//!
+//! `cargo +nightly fuzz run message` in `messages/`.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use messages::record::{Codec, Recorded};
+use messages::{Curves, Disparity, Edges, Image, Kind, Matches, Points, Rig, Size, Tables, Topic};
+
+fn decode<M: Recorded>(codec: &Codec, topic: &Topic, bytes: &[u8], beside: &[u8]) {
+    let others = |_: Kind| (!beside.is_empty()).then_some(beside);
+    if let Ok(message) = codec.decode::<M>(topic, 1, 1, bytes, &others) {
+        assert!(M::is_sound(message.view()));
+    }
+}
+
+fuzz_target!(|data: &[u8]| {
+    let [kind, split, bytes @ ..] = data else {
+        return;
+    };
+    let rig = Rig::of_views(3, &[4.0], Size::new(16, 12));
+    let kind = Kind::ALL[usize::from(*kind) % Kind::ALL.len()];
+    let topic = Topic::of(&rig, kind).swap_remove(0);
+    let codec = Codec::new(rig, 0);
+    let (bytes, beside) = bytes.split_at(usize::from(*split).min(bytes.len()));
+    match kind {
+        Kind::Image => decode::<Image>(&codec, &topic, bytes, beside),
+        Kind::Edges => decode::<Edges>(&codec, &topic, bytes, beside),
+        Kind::Curves => decode::<Curves>(&codec, &topic, bytes, beside),
+        Kind::Tables => decode::<Tables>(&codec, &topic, bytes, beside),
+        Kind::Matches => decode::<Matches>(&codec, &topic, bytes, beside),
+        Kind::Disparity => decode::<Disparity>(&codec, &topic, bytes, beside),
+        Kind::Points => decode::<Points>(&codec, &topic, bytes, beside),
+    }
+});

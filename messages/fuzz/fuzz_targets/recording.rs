@@ -1,0 +1,25 @@
+//! The reader of recordings: whatever the file holds, it says what is wrong or gives the scans that can be read.
+//!
+//! `cargo +nightly fuzz run recording` in `messages/`; a short recording in `fuzz/corpus/recording/` helps it along.
+#![no_main]
+
+use std::io::Write;
+
+use libfuzzer_sys::fuzz_target;
+use messages::recording::Recording;
+
+fuzz_target!(|data: &[u8]| {
+    let Ok(mut file) = tempfile::Builder::new().suffix(".mcap").tempfile() else {
+        return;
+    };
+    if file.write_all(data).is_err() {
+        return;
+    }
+    let Ok(mut recording) = Recording::open(file.path()) else {
+        return;
+    };
+    drop(recording.attachments());
+    for scan in recording.scans().take(64).collect::<Vec<_>>() {
+        drop(recording.salvage(scan));
+    }
+});
