@@ -20,6 +20,8 @@ Exit codes: 0 done, 1 failed, 2 wrong use, 3 finished but data was lost, 130 abo
 pub(crate) enum Command {
     /// Run a graph: scans go in, matches, disparities and points come out, everything is recorded
     Run(Run),
+    /// Record a graph that runs already, without slowing it
+    Record(Record),
     /// Play a recording: from any stage on it is computed anew, recorded or compared with what was recorded
     Replay(Replay),
     /// Show what a recording holds
@@ -113,6 +115,37 @@ pub(crate) struct Run {
     /// Set one key of one node
     #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Record {
+    /// The recording to write
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Which run, by its name or the beginning of it; not needed when only one is alive
+    #[arg(long, value_name = "NAME")]
+    pub(crate) run: Option<String>,
+    /// Only these topics, with * for anything; transforms and calibrations are recorded in any case
+    #[arg(long, value_delimiter = ',', value_name = "points,edges/*")]
+    pub(crate) topics: Vec<String>,
+    /// Only topics in which this regular expression is found
+    #[arg(long, value_name = "REGEX")]
+    pub(crate) regex: Option<String>,
+    /// A new part after so many megabytes
+    #[arg(long, value_name = "MB")]
+    pub(crate) max_size: Option<u64>,
+    /// A new part after so many seconds of recorded time
+    #[arg(long, value_name = "S")]
+    pub(crate) max_duration: Option<f64>,
+    /// Keep the last seconds in memory; Enter or SIGUSR1 writes them
+    #[arg(long, value_name = "SECONDS", conflicts_with_all = ["max_size", "max_duration"])]
+    pub(crate) snapshot: Option<f64>,
+    /// Overwrite a recording that is there already
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -5,6 +5,7 @@ mod completions;
 mod export;
 mod graph;
 mod info;
+mod record;
 mod replay;
 mod rewrite;
 mod run;
@@ -17,6 +18,7 @@ use crate::{Failure, Outcome};
 pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
         Command::Run(args) => run::run(&args),
+        Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Recover(args) => rewrite::recover(&args),
         Command::Merge(args) => rewrite::merge(&args),

@@ -31,7 +31,7 @@ impl Orders {
         )?)
     }
 
-    fn read(folder: &Path) -> Result<Self, Box<dyn Error>> {
+    pub(crate) fn read(folder: &Path) -> Result<Self, Box<dyn Error>> {
         Ok(serde_json::from_slice(&std::fs::read(
             folder.join(Self::FILE),
         )?)?)

@@ -163,6 +163,24 @@ impl Drop for Share {
     }
 }
 
+/// The folders of this user's runs that are alive, by name.
+pub(crate) fn alive() -> io::Result<Vec<PathBuf>> {
+    let runs = fs::read_dir(home()?)?.flatten().map(|entry| entry.path());
+    let mut runs: Vec<PathBuf> = runs.filter(|run| is_alive(run)).collect();
+    runs.sort();
+    Ok(runs)
+}
+
+/// Whether a run's launcher is alive.
+pub(crate) fn is_alive(run: &Path) -> bool {
+    let is_named = run
+        .file_name()
+        .is_some_and(|name| !name.as_encoded_bytes().starts_with(b"."));
+    is_named
+        && File::open(run.join(LAUNCHER))
+            .is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockShared).is_err())
+}
+
 /// Whether neither the launcher nor any node of a run is alive.
 fn is_abandoned(run: &Path) -> bool {
     let free = |name: &str| {

@@ -62,7 +62,7 @@ fn outcome(written: Rewritten) -> Outcome {
 }
 
 /// Whether a topic is like a pattern, in which `*` stands for anything.
-fn is_like(topic: &str, pattern: &str) -> bool {
+pub(super) fn is_like(topic: &str, pattern: &str) -> bool {
     match pattern.split_once('*') {
         None => topic == pattern,
         Some((before, after)) => topic.strip_prefix(before).is_some_and(|rest| {

@@ -16,6 +16,7 @@
 
 mod control;
 mod gate;
+mod guest;
 mod inputs;
 mod meter;
 mod outputs;
@@ -40,6 +41,7 @@ use crate::topic::{Kind, Topic};
 
 pub use control::{Command, Event, Level, Log, NodeReport, Play, Progress};
 pub use gate::Gate;
+pub use guest::{Guest, LOOK_EVERY};
 pub use inputs::{Inputs, Joined, Joins, Received};
 pub use meter::{Meter, Percentiles};
 pub use outputs::{Filled, Loan, Outputs};

@@ -125,6 +125,15 @@ impl Encoder {
         }
     }
 
+    /// Records only these topics; transforms and calibrations stay.
+    pub fn only(mut self, topic: impl Fn(&str) -> bool) -> Self {
+        self.channels.retain(|channel| match channel.content {
+            Content::Transforms | Content::Calibration(_) => true,
+            _ => topic(&channel.name),
+        });
+        self
+    }
+
     /// The channels a batch's messages belong to.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
@@ -179,22 +188,24 @@ impl Encoder {
         let largest = codec.rig().size;
         let size_of =
             |view: usize| find(Kind::Image, view as u32, none).map_or(largest, |(h, _)| h.size());
-        let is_recorded = |kind: Kind| {
-            channels
-                .iter()
-                .any(|c| matches!(&c.content, Content::Data(topic) if topic.kind == kind))
-        };
-        let (with_edges, with_curves) = (is_recorded(Kind::Edges), is_recorded(Kind::Curves));
         // Only what is recorded too can be referred to.
         let beside = |topic: &Topic| {
-            let of = |kind| find(kind, topic.view, topic.channel).map(|(_, message)| *message);
+            let of = |kind| {
+                let is_it = |c: &Channel| {
+                    matches!(&c.content, Content::Data(other) if other.kind == kind
+                        && (other.view, other.channel) == (topic.view, topic.channel))
+                };
+                let recorded = channels.iter().any(is_it);
+                let found = find(kind, topic.view, topic.channel).filter(|_| recorded);
+                found.map(|(_, message)| *message)
+            };
             Beside {
                 edges: match of(Kind::Edges) {
-                    Some(AnyView::Edges(edges)) if with_edges => Some(edges),
+                    Some(AnyView::Edges(edges)) => Some(edges),
                     _ => None,
                 },
                 curves: match of(Kind::Curves) {
-                    Some(AnyView::Curves(curves)) if with_curves => Some(curves),
+                    Some(AnyView::Curves(curves)) => Some(curves),
                     _ => None,
                 },
             }

@@ -10,6 +10,8 @@
 //! [`Report`] comes back, no death of the process loses it. What a dead writer leaves behind is finished by
 //! [`seal`]; [`Recording`] reads it either way.
 
+#[cfg(feature = "node")]
+mod attach;
 mod batch;
 mod chunk;
 mod export;
@@ -26,6 +28,8 @@ mod writer;
 
 pub use messages::recording::{Metadata, MetadataError, ReadError, Recording, Scan, part_path};
 
+#[cfg(feature = "node")]
+pub use attach::{Attach, AttachError, Attached, Wish, attach};
 pub use batch::{Batch, Encoder};
 pub use export::{CSV_HEADER, Export, ExportError, export};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};

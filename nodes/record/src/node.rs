@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use messages::Header;
 use messages::bus::{
     self, Bell, Bus, BusError, Event, Finisher, Joined, Joins, Log, ReportsIn, Request, Start,
 };
 use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
+use messages::{Header, Rig};
 
 use crate::{
     Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread,
@@ -92,15 +92,25 @@ fn record(
 }
 
 fn metadata(bus: &Bus, start: &Start) -> Metadata {
+    let (graph, scans) = (start.graph.clone(), start.scans.clone());
+    metadata_of(&bus.run().rig, &start.configuration, graph, scans)
+}
+
+/// What the recording of a run says about itself.
+pub fn metadata_of(
+    rig: &Rig,
+    configuration: &serde_json::Value,
+    graph: String,
+    scans: Vec<String>,
+) -> Metadata {
     let setting = |node: &str, key: &str| {
-        start
-            .configuration
+        configuration
             .get(node)?
             .get(key)?
             .as_str()
             .map(str::to_owned)
     };
-    let rig = bus.run().rig.clone();
+    let rig = rig.clone();
     let reference = setting("match", "reference");
     let reference = rig
         .views
@@ -108,11 +118,13 @@ fn metadata(bus: &Bus, start: &Start) -> Metadata {
         .position(|view| Some(&view.name) == reference.as_ref());
     Metadata {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        graph: start.graph.clone(),
-        configuration: start.configuration.clone(),
+        graph,
+        configuration: configuration.clone(),
         reference: reference.unwrap_or_default(),
-        source: setting("capture", "source").unwrap_or_default(),
-        scans: start.scans.clone(),
+        source: setting("capture", "source")
+            .or_else(|| setting("replay", "file"))
+            .unwrap_or_default(),
+        scans,
         rig,
     }
 }

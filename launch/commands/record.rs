@@ -1,0 +1,205 @@
+//! `tricurve record`: records beside a graph that runs already.
+
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use messages::settings::Settings as _;
+use record::{Attach, AttachError, Attached, Settings, Wish, attach};
+use regex::Regex;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+
+use super::rewrite::is_like;
+use crate::cli::Record as Args;
+use crate::node::Orders;
+use crate::{Failure, Outcome, rundir};
+
+/// How often it is said how the recorder is doing.
+const LINE_EVERY: Duration = Duration::from_secs(2);
+/// How often it is looked whether the graph is still there.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let regex = args.regex.as_deref().map(Regex::new).transpose();
+    let regex = regex.map_err(|e| Failure::usage(format!("--regex: {e}")))?;
+    let topic = |name: &str| {
+        let listed = args.topics.is_empty() || args.topics.iter().any(|like| is_like(name, like));
+        listed && regex.as_ref().is_none_or(|regex| regex.is_match(name))
+    };
+    let folder = choose(args.run.as_deref())?;
+    let orders = Orders::read(&folder).map_err(Failure::failed)?;
+    let settings = Settings {
+        file: std::path::absolute(&args.output)
+            .map_err(Failure::failed)?
+            .to_string_lossy()
+            .into_owned(),
+        overwrite: args.force,
+        max_bytes: args
+            .max_size
+            .map(|megabytes| megabytes.saturating_mul(1_000_000)),
+        max_seconds: args.max_duration,
+        ..Settings::default()
+    };
+    settings
+        .check()
+        .map_err(|e| Failure::usage(format!("record.{e}")))?;
+    let path = Path::new(&settings.file);
+    record::Writer::check(path, args.force).map_err(Failure::failed)?;
+    let metadata = record::node::metadata_of(
+        &orders.run.rig,
+        &orders.configuration,
+        orders.graph.clone(),
+        orders.scans.clone(),
+    );
+    let mut wishes = Wishes::listen(&folder, args)?;
+    let recorder = Attach {
+        run: &orders.run,
+        metadata,
+        topic: &topic,
+        settings,
+        snapshot: args.snapshot,
+    };
+    if !args.json {
+        crate::say!("recording beside {}: Ctrl-C ends", name_of(&folder));
+    }
+    let attached = attach(recorder, |told| wishes.next(told)).map_err(|error| match error {
+        AttachError::Bus(error) => Failure::failed(format!(
+            "cannot join {}: {error}; at most two may listen to a run at once",
+            name_of(&folder)
+        )),
+        error => Failure::failed(error),
+    })?;
+    match args.json {
+        true => super::print_json(&attached)?,
+        false => super::print(&text(&attached))?,
+    }
+    Ok(match attached.missed {
+        0 => Outcome::Done,
+        _ => Outcome::Lost,
+    })
+}
+
+fn name_of(run: &Path) -> String {
+    run.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}
+
+/// The folder of the run that is meant.
+fn choose(wanted: Option<&str>) -> Result<PathBuf, Failure> {
+    let alive =
+        rundir::alive().map_err(|e| Failure::failed(format!("cannot look for runs: {e}")))?;
+    let names = alive
+        .iter()
+        .map(|run| name_of(run))
+        .collect::<Vec<_>>()
+        .join(", ");
+    let is_meant = |run: &&PathBuf| wanted.is_none_or(|wanted| name_of(run).starts_with(wanted));
+    let meant: Vec<&PathBuf> = alive.iter().filter(is_meant).collect();
+    match (meant.as_slice(), alive.len()) {
+        ([run], _) => Ok((*run).clone()),
+        (_, 0) => Err(Failure::failed(
+            "no graph of yours is running: start one with `tricurve run`",
+        )),
+        ([], _) => Err(Failure::usage(format!(
+            "no run is called so; there are {names}"
+        ))),
+        _ => Err(Failure::usage(format!(
+            "several graphs run: choose one with --run, of {names}"
+        ))),
+    }
+}
+
+fn text(attached: &Attached) -> String {
+    let Attached {
+        scans,
+        missed,
+        files,
+        bytes,
+        ..
+    } = attached;
+    let files: String = files
+        .iter()
+        .map(|path| format!("{}\n", path.display()))
+        .collect();
+    format!(
+        "{scans} scans taken in, {missed} missed; {:.1} MB written\n{files}",
+        *bytes as f64 / 1e6
+    )
+}
+
+/// What signals, keys and the end of the graph ask for.
+struct Wishes {
+    folder: PathBuf,
+    end: Arc<AtomicBool>,
+    snapshot: Arc<AtomicBool>,
+    is_quiet: bool,
+    next_look: Instant,
+    next_line: Instant,
+    gone: bool,
+}
+
+impl Wishes {
+    fn listen(folder: &Path, args: &Args) -> Result<Self, Failure> {
+        let flag = |signals: &[i32]| -> Result<Arc<AtomicBool>, Failure> {
+            let flag = Arc::new(AtomicBool::new(false));
+            for signal in signals {
+                signal_hook::flag::register(*signal, Arc::clone(&flag))
+                    .map_err(|e| Failure::failed(format!("cannot listen to signals: {e}")))?;
+            }
+            Ok(flag)
+        };
+        let end = flag(&[SIGINT, SIGTERM, SIGHUP])?;
+        let snapshot = flag(&[SIGUSR1])?;
+        if args.snapshot.is_some() && std::io::stdin().is_terminal() {
+            let snapshot = Arc::clone(&snapshot);
+            let listen = move || {
+                for _ in std::io::stdin().lines().map_while(Result::ok) {
+                    snapshot.store(true, Ordering::Relaxed);
+                }
+            };
+            std::thread::Builder::new()
+                .name("keys".to_owned())
+                .spawn(listen)
+                .map_err(Failure::failed)?;
+        }
+        Ok(Self {
+            folder: folder.to_owned(),
+            end,
+            snapshot,
+            is_quiet: args.json,
+            next_look: Instant::now(),
+            next_line: Instant::now() + LINE_EVERY,
+            gone: false,
+        })
+    }
+
+    fn next(&mut self, told: &Attached) -> Wish {
+        let now = Instant::now();
+        if now >= self.next_line && !self.is_quiet {
+            self.next_line = now + LINE_EVERY;
+            let Attached {
+                scans,
+                missed,
+                behind,
+                ..
+            } = told;
+            crate::say!("{scans} scans taken in, {missed} missed, {behind} behind");
+        }
+        if self.end.load(Ordering::Relaxed) || self.gone {
+            return Wish::End;
+        }
+        if now >= self.next_look {
+            self.next_look = now + LOOK_EVERY;
+            // Once more around, for what was said last.
+            self.gone = !rundir::is_alive(&self.folder);
+        }
+        match self.snapshot.swap(false, Ordering::Relaxed) {
+            true => Wish::Snapshot,
+            false => Wish::Nothing,
+        }
+    }
+}
