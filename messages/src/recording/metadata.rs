@@ -128,6 +128,61 @@ impl Metadata {
     }
 }
 
+/// Which scans a part holds, in the order they stand, so that nobody has to look into its chunks to know.
+///
+/// A chunk's index says its time, not its scan. As long as scans that follow each other have different times, the times
+/// of the chunks and this order together say which chunk is of which scan.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ScanOrder {
+    /// First and last scan of runs without gaps.
+    runs: Vec<(u64, u64)>,
+    latest: Option<(u64, u64)>,
+    is_ambiguous: bool,
+}
+
+impl ScanOrder {
+    /// The name of the metadata record.
+    pub const NAME: &str = "tricurve.scans";
+
+    /// A scan of this time was written.
+    pub fn push(&mut self, sequence: u64, nanos: u64) {
+        if self.latest == Some((sequence, nanos)) {
+            return;
+        }
+        self.is_ambiguous |= self.latest.is_some_and(|(_, latest)| latest == nanos);
+        self.latest = Some((sequence, nanos));
+        match self.runs.last_mut() {
+            Some((_, last)) if *last + 1 == sequence => *last = sequence,
+            _ => self.runs.push((sequence, sequence)),
+        }
+    }
+
+    /// Its record, when it tells everything.
+    pub fn to_record(&self) -> Option<records::Metadata> {
+        let runs = self
+            .runs
+            .iter()
+            .map(|(first, last)| format!("{first}-{last}"));
+        let metadata = BTreeMap::from([("order".to_owned(), runs.collect::<Vec<_>>().join(","))]);
+        (!self.is_ambiguous && !self.runs.is_empty()).then(|| records::Metadata {
+            name: Self::NAME.to_owned(),
+            metadata,
+        })
+    }
+
+    /// The scans in its record, in order, when there are so many.
+    pub fn from_record(record: &records::Metadata, count: usize) -> Option<Vec<u64>> {
+        let mut scans = Vec::new();
+        for run in record.metadata.get("order")?.split(',') {
+            let (first, last) = run.split_once('-')?;
+            let run = first.parse::<u64>().ok()?..=last.parse::<u64>().ok()?;
+            // Damaged numbers must not fill the memory.
+            scans.extend(run.take(count + 1 - scans.len().min(count)));
+        }
+        (scans.len() == count).then_some(scans)
+    }
+}
+
 /// More of anything than a rig has; a damaged number must not fill the memory.
 fn is_possible(rig: &Rig) -> bool {
     const MOST: usize = 256;
@@ -213,5 +268,24 @@ mod tests {
         record.metadata.insert("format".to_owned(), "9".to_owned());
         let error = Metadata::from_record(&record).unwrap_err().to_string();
         assert!(error.contains("format 9"), "{error}");
+    }
+
+    #[test]
+    fn the_order_of_scans_comes_back_unless_times_do_not_tell_it() {
+        let mut order = ScanOrder::default();
+        for (sequence, nanos) in [(3, 10), (4, 20), (4, 20), (9, 30), (5, 40)] {
+            order.push(sequence, nanos);
+        }
+        let record = order.to_record().unwrap();
+        assert_eq!(ScanOrder::from_record(&record, 4), Some(vec![3, 4, 9, 5]));
+        assert_eq!(ScanOrder::from_record(&record, 3), None);
+        assert_eq!(ScanOrder::from_record(&record, 5), None);
+        order.push(6, 40);
+        assert_eq!(order.to_record(), None);
+        let mut damaged = record.clone();
+        damaged
+            .metadata
+            .insert("order".to_owned(), "0-18446744073709551615".to_owned());
+        assert_eq!(ScanOrder::from_record(&damaged, 4), None);
     }
 }

@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use super::file::{Chunk, Contents, FileSchema, RECORD_HEAD, first_sequence};
 use super::metadata::Metadata;
-use super::metadata::{Identity, LEDGER, MetadataError, NAME, ledger};
+use super::metadata::{Identity, LEDGER, MetadataError, NAME, ScanOrder, ledger};
 use super::parts::{count_parts, part_path, stray_parts};
 
 /// Why a recording cannot be read.
@@ -304,6 +304,24 @@ impl Recording {
                 contents,
                 ..
             } = part;
+            if let Some(order) = order(contents) {
+                let mut order = order.into_iter();
+                let (mut latest, mut scan) = (None, 0);
+                for (chunk, index) in contents.chunks.iter().enumerate() {
+                    let nanos = index.message_start_time;
+                    if latest != Some(nanos) {
+                        latest = Some(nanos);
+                        scan = order.next().unwrap_or_default();
+                    }
+                    let held = self.scans.entry(scan).or_default();
+                    held.nanos = nanos;
+                    held.places.push(Place {
+                        part: number,
+                        chunk,
+                    });
+                }
+                continue;
+            }
             for (chunk, index) in contents.chunks.iter().enumerate() {
                 match sequences(file, index) {
                     Ok(sequences) => {
@@ -487,7 +505,7 @@ impl Recording {
         let records = self.parts.iter().flat_map(|part| &part.contents.metadata);
         records
             .map(|(_, record)| record)
-            .filter(|record| record.name != NAME)
+            .filter(|record| record.name != NAME && record.name != ScanOrder::NAME)
     }
 
     /// Its attachments, those of the same name once.
@@ -693,6 +711,20 @@ fn is_beginning(file: &mut File, bytes: u64) -> bool {
 }
 
 /// The scans of a chunk, with their times.
+/// The scans of a finished part in the order of its chunks, each as often as the time changes from chunk to chunk.
+fn order(contents: &Contents) -> Option<Vec<u64>> {
+    let record = contents.metadata.iter().map(|(_, record)| record);
+    let record = record
+        .filter(|record| record.name == ScanOrder::NAME)
+        .last()?;
+    let one_time = |index: &ChunkIndex| index.message_start_time == index.message_end_time;
+    let changes = |pair: &&[ChunkIndex]| pair[0].message_start_time != pair[1].message_start_time;
+    let chunks = &contents.chunks;
+    let count = chunks.windows(2).filter(changes).count() + usize::from(!chunks.is_empty());
+    let is_told = contents.is_finished && chunks.iter().all(one_time);
+    is_told.then(|| ScanOrder::from_record(record, count))?
+}
+
 fn sequences(file: &mut File, index: &ChunkIndex) -> Result<BTreeMap<u64, u64>, mcap::McapError> {
     // Our chunks hold one scan each: its first message tells it. Other programs may have packed them anew.
     if index.message_start_time == index.message_end_time {

@@ -15,7 +15,9 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
-use messages::recording::{FileSchema, Identity, Metadata, ReadError, Recording, Scan, part_path};
+use messages::recording::{
+    FileSchema, Identity, Metadata, ReadError, Recording, Scan, ScanOrder, part_path,
+};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -260,6 +262,7 @@ struct Part {
     first_nanos: u64,
     bytes: u64,
     scans: u64,
+    order: ScanOrder,
 }
 
 impl Drop for Part {
@@ -332,6 +335,9 @@ impl Rewriter {
             .flush()
             .map_err(|source| write_error(&part.path, source))?;
         part.scans += u64::from(any);
+        if any {
+            part.order.push(scan.sequence, scan.nanos);
+        }
         self.done.scans += u64::from(any);
         Ok(())
     }
@@ -353,6 +359,13 @@ impl Rewriter {
             return Ok(());
         };
         let error = |source| write_error(&part.path, source);
+        if let Some(order) = part.order.to_record() {
+            let order = mcap::records::Metadata {
+                name: order.name,
+                metadata: order.metadata,
+            };
+            part.writer.write_metadata(&order).map_err(error)?;
+        }
         part.writer.finish().map_err(error)?;
         fs::rename(&part.unfinished, &part.path).map_err(|e| write_error(&part.path, e.into()))?;
         self.done.parts.push(part.path.clone());
@@ -401,6 +414,7 @@ fn open_part(out: &Path, number: u32, frame: &Frame, nanos: u64) -> Result<Part,
         first_nanos: nanos,
         bytes: 0,
         scans: 0,
+        order: ScanOrder::default(),
         unfinished: unfinished.clone(),
         path: path.clone(),
     };

@@ -20,7 +20,7 @@ use crate::sink::{Disk, Sink};
 use crate::summary::{Summary, raw_record, record, schema_record, write};
 use crate::{Batch, Encoder, Sealed, Settings};
 use messages::recording::{Contents, FileSchema};
-use messages::recording::{Identity, Metadata, NAME, ledger_record};
+use messages::recording::{Identity, Metadata, NAME, ScanOrder, ledger_record};
 use messages::recording::{count_parts, part_path, stray_parts};
 
 /// Why a recording cannot be written.
@@ -84,6 +84,7 @@ struct Part {
     /// Schemas and channels, until the first chunk took them in.
     definitions: Vec<u8>,
     first_nanos: Option<u64>,
+    order: ScanOrder,
 }
 
 /// Opens an empty file for a part.
@@ -254,6 +255,7 @@ impl Writer {
             summary: Summary::default(),
             definitions: Vec::new(),
             first_nanos: None,
+            order: ScanOrder::default(),
         };
         let begun = part.define(&self.channels).and_then(|()| {
             let metadata = self.metadata.to_record(&self.identity);
@@ -326,11 +328,12 @@ impl Writer {
 
     fn close_part(&mut self, ledger: Option<&Ledger>) -> Result<(), WriteError> {
         let mut part = self.part.take().ok_or(WriteError::Ended)?;
-        let ending = match ledger {
-            Some(ledger) => part.add_metadata(&ledger_record(ledger)),
-            None => Ok(()),
-        }
-        .and_then(|()| part.summary.ending(part.sink.len()));
+        let records = [part.order.to_record(), ledger.map(ledger_record)];
+        let added = records
+            .iter()
+            .flatten()
+            .try_for_each(|record| part.add_metadata(record));
+        let ending = added.and_then(|()| part.summary.ending(part.sink.len()));
         let closed = ending.and_then(|ending| part.sink.close(&ending));
         match closed {
             Ok(len) => self.recorded.bytes += len,
@@ -436,6 +439,7 @@ impl Part {
             return Ok(());
         }
         self.first_nanos.get_or_insert(batch.nanos());
+        self.order.push(batch.sequence(), batch.nanos());
         chunker.chunks(batch, &self.definitions, self.sink.len(), &mut self.summary)?;
         self.sink.append(&mut chunker.pieces(batch))?;
         self.definitions.clear();
