@@ -6,6 +6,7 @@
     reason = "each test file uses its part; tests may panic"
 )]
 
+use std::cell::RefCell;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -19,6 +20,20 @@ use tempfile::TempDir;
 pub(crate) struct World {
     folder: TempDir,
     runtime: TempDir,
+    started: RefCell<Vec<u32>>,
+}
+
+impl Drop for World {
+    /// A test that fails leaves nothing running: nodes die with their launcher.
+    fn drop(&mut self) {
+        let is_here = |pid: &&u32| {
+            let works_in = fs::read_link(format!("/proc/{pid}/cwd"));
+            works_in.is_ok_and(|folder| folder == self.folder.path())
+        };
+        for pid in self.started.borrow().iter().filter(is_here) {
+            signal(*pid, "KILL");
+        }
+    }
 }
 
 impl World {
@@ -28,6 +43,7 @@ impl World {
         Self {
             folder: tempfile::tempdir().unwrap(),
             runtime,
+            started: RefCell::new(Vec::new()),
         }
     }
 
@@ -57,11 +73,14 @@ impl World {
 
     /// Starts the program and goes on.
     pub(crate) fn start(&self, arguments: &[&str]) -> Child {
-        self.tricurve(arguments)
+        let child = self
+            .tricurve(arguments)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .unwrap()
+            .unwrap();
+        self.started.borrow_mut().push(child.id());
+        child
     }
 
     /// Process ids of the nodes of this world's runs, by name.
@@ -192,7 +211,7 @@ pub(crate) fn signal(pid: u32, name: &str) {
         .args([&format!("-{name}"), &pid.to_string()])
         .status()
         .unwrap();
-    assert!(status.success());
+    assert!(status.success() || std::thread::panicking() || is_gone(pid));
 }
 
 pub(crate) fn bytes_of(path: &Path) -> u64 {
