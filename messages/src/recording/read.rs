@@ -710,13 +710,10 @@ fn is_beginning(file: &mut File, bytes: u64) -> bool {
         && mcap::MAGIC.starts_with(&read)
 }
 
-/// The scans of a chunk, with their times.
 /// The scans of a finished part in the order of its chunks, each as often as the time changes from chunk to chunk.
 fn order(contents: &Contents) -> Option<Vec<u64>> {
-    let record = contents.metadata.iter().map(|(_, record)| record);
-    let record = record
-        .filter(|record| record.name == ScanOrder::NAME)
-        .last()?;
+    let mut records = contents.metadata.iter().map(|(_, record)| record);
+    let record = records.rfind(|record| record.name == ScanOrder::NAME)?;
     let one_time = |index: &ChunkIndex| index.message_start_time == index.message_end_time;
     let changes = |pair: &&[ChunkIndex]| pair[0].message_start_time != pair[1].message_start_time;
     let chunks = &contents.chunks;
@@ -725,6 +722,7 @@ fn order(contents: &Contents) -> Option<Vec<u64>> {
     is_told.then(|| ScanOrder::from_record(record, count))?
 }
 
+/// The scans of a chunk, with their times.
 fn sequences(file: &mut File, index: &ChunkIndex) -> Result<BTreeMap<u64, u64>, mcap::McapError> {
     // Our chunks hold one scan each: its first message tells it. Other programs may have packed them anew.
     if index.message_start_time == index.message_end_time {
