@@ -138,8 +138,11 @@ impl Graph {
             .nodes
             .iter()
             .filter(|(n, settings)| !(n.makes)(settings).is_empty());
-        for (node, _) in links {
-            if let Some(kind) = node.takes.iter().find(|&&kind| !makes(kind)) {
+        for (node, settings) in links {
+            let missing = (node.takes)(settings)
+                .into_iter()
+                .find(|&kind| !makes(kind));
+            if let Some(kind) = missing {
                 let (maker, takes) = (kind.stage().name(), kind.name());
                 return Err(format!(
                     "{} takes {takes}, which {maker} makes: add [{maker}]",
@@ -147,9 +150,18 @@ impl Graph {
                 ));
             }
         }
-        if !self.nodes.iter().any(|(node, _)| node.finishes) {
-            let finishers = NODES.iter().filter(|node| node.finishes);
-            let names: Vec<String> = finishers.map(|node| format!("[{}]", node.name)).collect();
+        let finishers = self.nodes.iter().filter(|(node, _)| node.finishes);
+        let is_idle =
+            |(node, settings): &&(&NodeType, Value)| !(node.takes)(settings).into_iter().any(makes);
+        if let Some((idle, _)) = finishers.clone().find(is_idle) {
+            let name = idle.name;
+            return Err(format!(
+                "{name} would have nothing to do: nothing of what it takes is made"
+            ));
+        }
+        if finishers.count() == 0 {
+            let names = NODES.iter().filter(|node| node.finishes);
+            let names: Vec<String> = names.map(|node| format!("[{}]", node.name)).collect();
             return Err(format!(
                 "nothing would be done with the results: a graph needs {}",
                 names.join(" or ")
@@ -186,11 +198,20 @@ impl Graph {
         }
     }
 
+    /// The kinds of message that some node takes.
+    pub(crate) fn taken(&self) -> Vec<Kind> {
+        let takes = |kind: &Kind| {
+            let nodes = &mut self.nodes.iter();
+            nodes.any(|(node, settings)| (node.takes)(settings).contains(kind))
+        };
+        Kind::ALL.into_iter().filter(takes).collect()
+    }
+
     /// The nodes, as they need to know each other.
     pub(crate) fn node_plans(&self) -> Vec<NodePlan> {
         let plan = |(node, settings): &(&NodeType, Value)| NodePlan {
             name: node.name.to_owned(),
-            takes: node.takes.to_vec(),
+            takes: (node.takes)(settings),
             makes: (node.makes)(settings),
             finishes: node.finishes,
         };
@@ -251,9 +272,10 @@ impl Graph {
         let source = self.nodes.first().map_or("", |(node, _)| node.name);
         for (maker, settings) in &self.nodes {
             let makes = (maker.makes)(settings);
-            for (taker, _) in &self.nodes {
-                let between = taker.takes.iter().filter(|kind| makes.contains(kind));
-                let kinds: Vec<&str> = between.map(|kind| kind.name()).collect();
+            for (taker, settings) in &self.nodes {
+                let mut between = (taker.takes)(settings);
+                between.retain(|kind| makes.contains(kind));
+                let kinds: Vec<&str> = between.into_iter().map(Kind::name).collect();
                 if !kinds.is_empty() {
                     let kinds = kinds.join(", ");
                     writeln!(text, "    {} -->|{kinds}| {}", maker.name, taker.name)

@@ -2,9 +2,9 @@
 
 use std::error::Error;
 
-use messages::Kind;
 use messages::bus::{Bus, Start};
 use messages::settings::{Key, Settings};
+use messages::{Kind, Stage};
 use serde_json::Value;
 
 use crate::cli::Profile;
@@ -19,8 +19,8 @@ pub(crate) struct NodeType {
     pub(crate) name: &'static str,
     /// What it does.
     pub(crate) about: &'static str,
-    /// What it takes in.
-    pub(crate) takes: &'static [Kind],
+    /// What it takes in with these settings, of what there is.
+    pub(crate) takes: fn(&Value) -> Vec<Kind>,
     /// What it makes with these settings.
     pub(crate) makes: fn(&Value) -> Vec<Kind>,
     /// Whether a scan is done only when it says so.
@@ -59,26 +59,38 @@ macro_rules! node {
 /// All kinds of node, in the order of the pipe.
 pub(crate) const NODES: &[NodeType] = &[
     node!("capture", capture, "where scans come from",
-        takes &[], makes |_| vec![Kind::Image], finishes false, thesis capture::Settings::default()),
+        takes |_| Stage::Capture.takes().to_vec(), makes |_| Stage::Capture.makes().collect(), finishes false, thesis capture::Settings::default()),
     node!("replay", replay, "a recording in place of the stages before the cut",
-        takes &[], makes replayed, finishes false, thesis replay::Settings::default()),
+        takes |_| vec![], makes replayed, finishes false, thesis replay::Settings::default()),
     node!("filter", filter, "Laplacian of Gaussian, zero-crossings, gradients",
-        takes &[Kind::Image], makes |_| vec![Kind::Edges], finishes false, thesis filter::Settings::thesis()),
+        takes |_| Stage::Filter.takes().to_vec(), makes |_| Stage::Filter.makes().collect(), finishes false, thesis filter::Settings::thesis()),
     node!("track", track, "zero-crossings become curves",
-        takes &[Kind::Edges], makes |_| vec![Kind::Curves], finishes false, thesis track::Settings::thesis()),
+        takes |_| Stage::Track.takes().to_vec(), makes |_| Stage::Track.makes().collect(), finishes false, thesis track::Settings::thesis()),
     node!("hough", hough, "curves become R-tables",
-        takes &[Kind::Curves], makes |_| vec![Kind::Tables], finishes false, thesis hough::Settings::thesis()),
+        takes |_| Stage::Hough.takes().to_vec(), makes |_| Stage::Hough.makes().collect(), finishes false, thesis hough::Settings::thesis()),
     node!("match", matching, "R-tables become matches, disparities and points",
-        takes &[Kind::Curves, Kind::Tables], makes |_| vec![Kind::Matches, Kind::Disparity, Kind::Points], finishes true, thesis matching::Settings::thesis()),
+        takes |_| Stage::Match.takes().to_vec(), makes |_| Stage::Match.makes().collect(), finishes true, thesis matching::Settings::thesis()),
     node!("record", record, "every topic into MCAP",
-        takes &Kind::ALL, makes |_| vec![], finishes true, thesis record::Settings::default()),
+        takes recorded, makes |_| vec![], finishes true, thesis record::Settings::default()),
     node!("verify", replay::verify, "compares what is computed with what was recorded",
-        takes &Kind::ALL, makes |_| vec![], finishes true, thesis replay::verify::Settings::default()),
+        takes verified, makes |_| vec![], finishes true, thesis replay::verify::Settings::default()),
 ];
 
+fn recorded(settings: &Value) -> Vec<Kind> {
+    record::taken_kinds(&parse::<record::Settings>(settings).unwrap_or_default())
+}
+
+fn verified(settings: &Value) -> Vec<Kind> {
+    let settings = parse::<replay::verify::Settings>(settings).unwrap_or_default();
+    let mut kinds = Kind::ALL.to_vec();
+    kinds.retain(|kind| !replay::replayed_kinds(settings.from).contains(kind));
+    kinds
+}
+
 fn replayed(settings: &Value) -> Vec<Kind> {
-    let settings = parse::<replay::Settings>(settings).unwrap_or_default();
-    replay::replayed_kinds(settings.from)
+    parse::<replay::Settings>(settings)
+        .unwrap_or_default()
+        .kinds()
 }
 
 /// The kind of node of this name.

@@ -64,6 +64,22 @@ fn a_recorder_beside_a_graph_records_what_is_wanted_and_verifies() {
 }
 
 #[test]
+fn a_replay_sends_what_nobody_takes_as_soon_as_a_recorder_asks_for_it() {
+    let world = World::recorded("4");
+    // Of what comes before the cut no node takes the images.
+    let replay = world.start(&[
+        "replay", "x.mcap", "--from", "match", "--loop", "--rate", "1", "--json",
+    ]);
+    wait_until("the replay runs", || world.nodes().len() == 2);
+    let recorder = world.start(&["record", "-o", "y.mcap", "--topics", "camera/*", "--json"]);
+    wait_until("images come", || bytes_of(&world.path("y.mcap")) > 300_000);
+    signal(recorder.id(), "INT");
+    let ran = Ran::new(recorder.wait_with_output().unwrap());
+    assert!(ran.json()["scans"].as_u64() > Some(0), "{ran:?}");
+    ends_balanced(replay);
+}
+
+#[test]
 fn a_recorder_that_stands_still_holds_nobody_up_and_says_what_it_missed() {
     let world = World::new();
     let graph = graph(&world);

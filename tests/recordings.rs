@@ -6,18 +6,6 @@ mod harness;
 use harness::{World, signal, wait_until};
 
 /// A world with a recording of so many scans of a small scene.
-fn recorded(scans: &str) -> World {
-    let world = World::new();
-    let scene = world.small_scene("scene");
-    let source = scene.to_string_lossy();
-    world
-        .run(&[
-            "run", "--source", &source, "--scans", scans, "--record", "x.mcap",
-        ])
-        .done();
-    world
-}
-
 #[track_caller]
 fn verifies(world: &World, name: &str, scans: u64) {
     let ran = world.run(&["replay", name, "--verify", "--json"]).done();
@@ -30,7 +18,7 @@ fn verifies(world: &World, name: &str, scans: u64) {
 
 #[test]
 fn what_is_recovered_of_a_truncated_recording_verifies_wherever_it_was_cut() {
-    let world = recorded("4");
+    let world = World::recorded("4");
     let bytes = std::fs::read(world.path("x.mcap")).unwrap();
     let mut whole_seen = Vec::new();
     for cut in (1..=20).map(|k| bytes.len() * k / 20 - 13 * k) {
@@ -65,7 +53,7 @@ fn what_is_recovered_of_a_truncated_recording_verifies_wherever_it_was_cut() {
 
 #[test]
 fn a_damaged_chunk_costs_its_scan_and_no_other() {
-    let world = recorded("5");
+    let world = World::recorded("5");
     let mut bytes = std::fs::read(world.path("x.mcap")).unwrap();
     let middle = bytes.len() / 2;
     for byte in &mut bytes[middle..middle + 64] {
@@ -82,7 +70,7 @@ fn a_damaged_chunk_costs_its_scan_and_no_other() {
 
 #[test]
 fn a_whole_recording_is_recovered_as_it_is() {
-    let world = recorded("3");
+    let world = World::recorded("3");
     world.run(&["recover", "x.mcap", "-o", "y.mcap"]).done();
     verifies(&world, "y.mcap", 3);
     world.run(&["info", "y.mcap", "--check"]).done();
@@ -93,7 +81,7 @@ fn a_whole_recording_is_recovered_as_it_is() {
 
 #[test]
 fn parts_are_read_as_one_and_merge_into_one() {
-    let world = recorded("6");
+    let world = World::recorded("6");
     world
         .run(&["split", "x.mcap", "--scans", "2", "-o", "s.mcap"])
         .done();
@@ -120,7 +108,7 @@ fn parts_are_read_as_one_and_merge_into_one() {
 
 #[test]
 fn a_filter_keeps_what_is_wanted_and_what_puts_it_in_its_place() {
-    let world = recorded("4");
+    let world = World::recorded("4");
     let arguments = [
         "filter",
         "x.mcap",
@@ -160,8 +148,33 @@ fn a_filter_keeps_what_is_wanted_and_what_puts_it_in_its_place() {
 }
 
 #[test]
+fn what_a_filter_leaves_refers_to_nothing_that_it_left_out() {
+    let world = World::recorded("3");
+    let topics = "curves/*,tables/*,matches/*,disparity,points";
+    let filter = [
+        "filter", "x.mcap", "--topics", topics, "-o", "f.mcap", "--json",
+    ];
+    world.run(&filter).done();
+    let ran = world.run(&["replay", "f.mcap", "--from", "hough", "--verify", "--json"]);
+    let verified = &ran.done().json()["verified"];
+    assert_eq!(verified["equal"], true, "{verified}");
+    assert_eq!(verified["topics"].as_object().unwrap().len(), 14);
+    let ran = world.run(&["replay", "f.mcap", "--from", "track"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    let told = "needs edges/left/4 and 8 more, which the recording does not hold; it can be replayed from hough, match";
+    assert!(ran.err.contains(told), "{}", ran.err);
+    let ran = world.run(&["filter", "x.mcap", "--topics", "curve", "-o", "g.mcap"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(
+        ran.err.contains("no topic of the recording is like curve"),
+        "{}",
+        ran.err
+    );
+}
+
+#[test]
 fn nothing_is_overwritten_that_is_read_or_not_to_be() {
-    let world = recorded("2");
+    let world = World::recorded("2");
     let before = std::fs::read(world.path("x.mcap")).unwrap();
     let ran = world.run(&["recover", "x.mcap", "-o", "x.mcap", "--force"]);
     assert_eq!(ran.code, Some(2), "{ran:?}");

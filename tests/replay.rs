@@ -6,21 +6,9 @@ mod harness;
 use harness::{Ran, World, signal, wait_until};
 
 /// A world with a recording of so many scans of a small scene.
-fn recorded(scans: &str) -> World {
-    let world = World::new();
-    let scene = world.small_scene("scene");
-    let source = scene.to_string_lossy();
-    world
-        .run(&[
-            "run", "--source", &source, "--scans", scans, "--record", "x.mcap",
-        ])
-        .done();
-    world
-}
-
 #[test]
 fn from_every_stage_on_a_replay_is_equal_to_the_byte() {
-    let world = recorded("6");
+    let world = World::recorded("6");
     for (stage, topics) in [
         ("capture", 32),
         ("filter", 32),
@@ -39,7 +27,7 @@ fn from_every_stage_on_a_replay_is_equal_to_the_byte() {
 
 #[test]
 fn a_setting_that_changes_results_is_told_and_not_passed() {
-    let world = recorded("3");
+    let world = World::recorded("3");
     let ran = world.run(&[
         "replay",
         "x.mcap",
@@ -61,7 +49,7 @@ fn a_setting_that_changes_results_is_told_and_not_passed() {
 
 #[test]
 fn other_channels_have_no_counterpart_in_the_recording() {
-    let world = recorded("2");
+    let world = World::recorded("2");
     let ran = world.run(&[
         "replay",
         "x.mcap",
@@ -78,7 +66,7 @@ fn other_channels_have_no_counterpart_in_the_recording() {
 
 #[test]
 fn only_what_is_computed_anew_is_recorded_with_what_was_changed() {
-    let world = recorded("4");
+    let world = World::recorded("4");
     world
         .run(&[
             "replay",
@@ -117,7 +105,7 @@ fn only_what_is_computed_anew_is_recorded_with_what_was_changed() {
 
 #[test]
 fn a_part_of_a_recording_without_the_stages_after_says_which_cut_is_possible() {
-    let world = recorded("2");
+    let world = World::recorded("2");
     world
         .run(&[
             "replay", "x.mcap", "--to", "filter", "--record", "y.mcap", "--topics", "edges",
@@ -130,7 +118,7 @@ fn a_part_of_a_recording_without_the_stages_after_says_which_cut_is_possible() {
 
 #[test]
 fn a_replay_in_its_own_time_that_goes_on_for_ever_numbers_its_scans_on_and_ends_in_good_order() {
-    let world = recorded("5");
+    let world = World::recorded("5");
     let child = world.start(&[
         "replay", "x.mcap", "--rate", "50", "--loop", "--record", "y.mcap", "--json",
     ]);
@@ -154,7 +142,7 @@ fn a_replay_in_its_own_time_that_goes_on_for_ever_numbers_its_scans_on_and_ends_
 
 #[test]
 fn a_verifier_and_a_replay_that_are_killed_lose_nothing() {
-    let world = recorded("150");
+    let world = World::recorded("150");
     for node in ["replay", "verify"] {
         let child = world.start(&["replay", "x.mcap", "--rate", "15", "--verify", "--json"]);
         let pid = || {

@@ -5,9 +5,9 @@ use std::fmt;
 use std::path::Path;
 
 use messages::recording::Recording;
-use messages::{Kind, Rig, Stage};
+use messages::{Kind, Rig, Stage, Topic};
 use replay::verify::Findings;
-use replay::{Choice, Selection, replayed_kinds};
+use replay::{Choice, Selection, check_cut, replayed_kinds};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -25,23 +25,23 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         crate::say!("replay: {note}");
     }
     let from = Stage::from(args.from);
+    check_cut(&source, from, Stage::from(args.to)).map_err(Failure::failed)?;
     let (first, end) = range(args, &source);
-    let selection = Selection::of(
-        &source,
-        Choice {
-            from,
-            first,
-            end,
-            whole: args.verify,
-        },
-    )
-    .map_err(Failure::failed)?;
+    let recorded = &source.metadata().configuration;
+    let mut graph = graph(args, from, first, end, &path, recorded)?;
+    let choice = Choice {
+        from,
+        taken: graph.taken(),
+        first,
+        end,
+        whole: args.verify,
+    };
+    graph.fill_in("replay", "without", json!(not_held(&source, from)));
+    let selection = Selection::of(&source, choice).map_err(Failure::failed)?;
     if selection.broken > 0 {
         let (broken, all) = (selection.broken, selection.broken + selection.scans.len());
         crate::say!("replay: warning: {broken} of {all} scans are not whole and are left out");
     }
-    let recorded = &source.metadata().configuration;
-    let mut graph = graph(args, from, first, end, &path, recorded)?;
     let new_recording = recording(&mut graph)?;
     let changed = changes(&graph, recorded);
     let rig = rig(&graph, &source)?;
@@ -103,6 +103,20 @@ fn range(args: &Args, source: &Recording) -> (u64, Option<u64>) {
         at_or_after(end).map(|(scan, _)| *scan)
     });
     (first, end)
+}
+
+/// The kinds of message before the cut of which the recording holds nothing.
+fn not_held(source: &Recording, from: Stage) -> Vec<Kind> {
+    let channels = source.channels();
+    let is_held = |kind: &Kind| {
+        let topics = Topic::of(&source.metadata().rig, *kind);
+        topics
+            .iter()
+            .any(|topic| channels.contains_key(&*topic.name))
+    };
+    let mut kinds = replayed_kinds(from);
+    kinds.retain(|kind| !is_held(kind));
+    kinds
 }
 
 /// The recording's own graph, from the cut on.

@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use messages::recording::Recording;
 use record::{RewriteError, Rewritten, Split, Wanted, WriteError, rewrite};
 
 use crate::cli::{Filter, Merge, Output, Recover, SplitArgs};
@@ -49,6 +50,15 @@ pub(crate) fn filter(args: &Filter) -> Result<Outcome, Failure> {
     let scans = args.scans.map_or(0..u64::MAX, |scans| {
         scans.first..scans.end.unwrap_or(u64::MAX)
     });
+    let recording = Recording::open(&args.file).map_err(Failure::failed)?;
+    let channels = recording.channels();
+    let is_vain = |pattern: &&String| !channels.keys().any(|topic| is_like(topic, pattern));
+    if let Some(vain) = args.topics.iter().find(is_vain) {
+        let topics = channels.keys().copied().collect::<Vec<_>>().join(", ");
+        return Err(Failure::usage(format!(
+            "no topic of the recording is like {vain}; it has {topics}"
+        )));
+    }
     let file = std::slice::from_ref(&args.file);
     write(file, &args.output, &is_wanted, scans, Split::default()).map(outcome)
 }

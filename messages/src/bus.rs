@@ -84,6 +84,20 @@ impl Run {
         2 * self.in_flight + 4
     }
 
+    /// The kinds of message that this node takes of those that are made, in the order of the pipe.
+    pub fn taken_by(&self, name: &str) -> Vec<Kind> {
+        let node = self.nodes.iter().find(|node| node.name == name);
+        let mut kinds = self.kinds();
+        kinds.retain(|kind| node.is_some_and(|node| node.takes.contains(kind)));
+        kinds
+    }
+
+    /// The kinds of message that some node takes, in the order of the pipe.
+    pub fn taken(&self) -> Vec<Kind> {
+        let is_taken = |kind: &Kind| self.takers(*kind).next().is_some();
+        Kind::ALL.into_iter().filter(is_taken).collect()
+    }
+
     /// The kinds of message that are made, in the order of the pipe.
     pub fn kinds(&self) -> Vec<Kind> {
         let is_made = |kind: &Kind| self.nodes.iter().any(|n| n.makes.contains(kind));
@@ -346,7 +360,29 @@ impl Bus {
     /// # Errors
     /// When a publisher cannot be made.
     pub fn outputs(&mut self, kinds: &[Kind]) -> Result<Outputs, BusError> {
-        Outputs::new(&self.run, &self.ports, kinds, Rc::clone(&self.book))
+        Outputs::new(
+            &self.run,
+            &self.ports,
+            kinds,
+            |_| true,
+            Rc::clone(&self.book),
+        )
+    }
+
+    /// Publishes every topic of these kinds for those who listen: what no node of the run takes is published only while
+    /// a guest [wants](Outputs::is_wanted) it, and no ledger counts it.
+    ///
+    /// # Errors
+    /// When a publisher cannot be made.
+    pub fn outputs_on_demand(&mut self, kinds: &[Kind]) -> Result<Outputs, BusError> {
+        let is_taken = |kind| self.run.takers(kind).next().is_some();
+        Outputs::new(
+            &self.run,
+            &self.ports,
+            kinds,
+            is_taken,
+            Rc::clone(&self.book),
+        )
     }
 
     /// The way to say that a scan is done.

@@ -19,7 +19,7 @@ mod statistics;
 mod views;
 mod wire;
 
-pub use codec::{Beside, DecodeError, Recorded};
+pub use codec::{Beside, DecodeError, Recorded, Said};
 pub use scene::Level;
 pub use schema::Schema;
 pub use statistics::{Milliseconds, Statistics};
@@ -96,6 +96,17 @@ impl Codec {
         let is_it =
             |t: &&Topic| t.kind == kind && t.view == topic.view && t.channel == topic.channel;
         self.topics.iter().find(is_it)
+    }
+
+    /// Whether messages of this topic may refer to those of the topic of this name.
+    pub fn refers(&self, topic: &Topic, name: &str) -> bool {
+        let to: &[Kind] = match topic.kind {
+            Kind::Curves => &[Kind::Edges],
+            Kind::Tables => &[Kind::Curves, Kind::Edges],
+            _ => &[],
+        };
+        let is_it = |kind: &Kind| self.beside(topic, *kind).is_some_and(|t| t.name == name);
+        to.iter().any(is_it)
     }
 
     /// The rig.

@@ -41,6 +41,24 @@ impl Stage {
             Self::Match => "match",
         }
     }
+
+    /// The kinds of message that it takes in.
+    pub const fn takes(self) -> &'static [Kind] {
+        match self {
+            Self::Capture => &[],
+            Self::Filter => &[Kind::Image],
+            Self::Track => &[Kind::Edges],
+            Self::Hough => &[Kind::Curves],
+            Self::Match => &[Kind::Curves, Kind::Tables],
+        }
+    }
+
+    /// The kinds of message that it publishes.
+    pub fn makes(self) -> impl Iterator<Item = Kind> {
+        Kind::ALL
+            .into_iter()
+            .filter(move |kind| kind.stage() == self)
+    }
 }
 
 /// What a topic's messages are.

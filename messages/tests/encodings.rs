@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use foxglove::Decode as _;
 use foxglove::messages as fg;
 use messages::payload::SECTIONS;
-use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Span, Views};
+use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Said, Span, Views};
 use messages::{
     AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Header, Image,
     Kind, List, Match, Matches, Owned, Points, Rig, Size, Table, Tables, Topic,
@@ -120,7 +120,7 @@ fn encoded<M: Sample>(topic: &Topic, message: &Owned<M>) -> Vec<u8> {
 }
 
 /// A message that has none beside it.
-fn alone<'a>(_: Kind) -> Option<&'a [u8]> {
+fn alone<'a>(_: Kind) -> Option<Said<'a>> {
     None
 }
 
@@ -363,12 +363,24 @@ fn through(
         of_tables,
     );
     let others = |kind| match kind {
-        Kind::Edges => Some(&*bytes[0]),
-        Kind::Curves => Some(&*bytes[1]),
+        Kind::Edges => Some(Said::Recorded(&bytes[0])),
+        Kind::Curves => Some(Said::Recorded(&bytes[1])),
         _ => None,
     };
     let curves = codec.decode(&topic(Kind::Curves), 7, NANOS, &bytes[1], &others);
     let tables = codec.decode(&topic(Kind::Tables), 7, NANOS, &bytes[2], &others);
+    if let Ok(curves) = &curves {
+        // Curves that were read before do as well as recorded ones.
+        let read = |kind| (kind == Kind::Curves).then(|| Said::Curves(Owned::view(curves)));
+        let again = codec.decode::<Tables>(&topic(Kind::Tables), 7, NANOS, &bytes[2], &read);
+        assert_eq!(again.is_ok(), tables.is_ok());
+        if let (Ok(again), Ok(tables)) = (&again, &tables) {
+            assert_eq!(
+                AnyView::from(Owned::view(again)).difference(&Owned::<Tables>::view(tables).into()),
+                None
+            );
+        }
+    }
     (bytes, curves, tables)
 }
 
@@ -462,7 +474,10 @@ fn references_into_damaged_or_missing_messages_are_told() {
     let [edges, curves, tables] = &bytes;
     let topic = |kind| Topic::of(&rig(), kind).swap_remove(0);
     let read = |edges: Option<&[u8]>, curves: Option<&[u8]>, tables: &[u8]| {
-        let others = |kind| if kind == Kind::Edges { edges } else { curves };
+        let others = |kind| {
+            let bytes = if kind == Kind::Edges { edges } else { curves };
+            bytes.map(Said::Recorded)
+        };
         let tables = codec().decode::<Tables>(&topic(Kind::Tables), 0, 0, tables, &others);
         let curves = curves.map(|curves| {
             codec()

@@ -47,6 +47,18 @@ impl World {
         }
     }
 
+    /// A world with the recording `x.mcap` of a small scene.
+    pub(crate) fn recorded(scans: &str) -> Self {
+        let world = Self::new();
+        let scene = world.small_scene("scene");
+        let source = scene.to_string_lossy();
+        let run = [
+            "run", "--source", &source, "--scans", scans, "--record", "x.mcap",
+        ];
+        world.run(&run).done();
+        world
+    }
+
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }

@@ -4,11 +4,11 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use messages::record::{Codec, Recorded};
+use messages::record::{Codec, Recorded, Said};
 use messages::{Curves, Disparity, Edges, Image, Kind, Matches, Points, Rig, Size, Tables, Topic};
 
 fn decode<M: Recorded>(codec: &Codec, topic: &Topic, bytes: &[u8], beside: &[u8]) {
-    let others = |_: Kind| (!beside.is_empty()).then_some(beside);
+    let others = |_: Kind| (!beside.is_empty()).then_some(Said::Recorded(beside));
     if let Ok(message) = codec.decode::<M>(topic, 1, 1, bytes, &others) {
         assert!(M::is_sound(message.view()));
     }

@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 use std::rc::Rc;
 use std::time::Instant;
 
-use super::ports::{self, Bell, DataPublisher, LoanedSample, Ports};
+use super::ports::{self, Audience, Bell, DataPublisher, LoanedSample, Ports};
 use super::{Book, BusError, NodePlan, Run};
 use crate::header::{Header, Size};
 use crate::payload::{Message, SECTIONS};
@@ -14,6 +14,9 @@ use crate::topic::{Kind, Topic};
 struct Output {
     topic: Topic,
     publisher: DataPublisher,
+    audience: Audience,
+    /// Whether the run's ledger asks for it.
+    is_owed: bool,
     takers: Vec<Rc<Bell>>,
 }
 
@@ -40,6 +43,7 @@ impl Outputs {
         run: &Run,
         ports: &Ports,
         kinds: &[Kind],
+        owed: impl Fn(Kind) -> bool,
         book: Rc<RefCell<Book>>,
     ) -> Result<Self, BusError> {
         let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
@@ -48,11 +52,17 @@ impl Outputs {
         let bells = ports.bells(takers.iter().copied())?;
         let bells: Vec<Rc<Bell>> = bells.into_iter().map(Rc::new).collect();
         let output = |topic: Topic| {
-            book.borrow_mut().send_out(&topic.name);
+            let is_owed = owed(topic.kind);
+            if is_owed {
+                book.borrow_mut().send_out(&topic.name);
+            }
             let takes = takers.iter().map(|node| node.takes.contains(&topic.kind));
             let rung = bells.iter().zip(takes).filter(|(_, takes)| *takes);
+            let (publisher, audience) = ports.publisher(&topic)?;
             Ok(Output {
-                publisher: ports.publisher(&topic)?,
+                publisher,
+                audience,
+                is_owed,
                 takers: rung.map(|(bell, _)| Rc::clone(bell)).collect(),
                 topic,
             })
@@ -68,6 +78,21 @@ impl Outputs {
             room: run.rig.size,
             book,
         })
+    }
+
+    fn output(&self, topic: &Topic) -> Option<&Output> {
+        self.all.iter().find(|output| output.topic == *topic)
+    }
+
+    /// Whether every scan's message of this topic is to be published: the run's ledger counts it.
+    pub fn is_owed(&self, topic: &Topic) -> bool {
+        self.output(topic).is_some_and(|output| output.is_owed)
+    }
+
+    /// Whether the message of this topic is to be published now: it is owed, or a guest listens.
+    pub fn is_wanted(&self, topic: &Topic) -> bool {
+        let is_wanted = |output: &Output| output.is_owed || output.audience.is_there();
+        self.output(topic).is_some_and(is_wanted)
     }
 
     /// Shared memory for the message of this view and channel, to be written in place and then
@@ -119,6 +144,9 @@ impl Outputs {
             ports::send(loan.sample, &header)?;
         }
         output.takers.iter().for_each(|bell| bell.ring());
+        if !output.is_owed {
+            return Ok(());
+        }
         let mut book = self.book.borrow_mut();
         book.published(&output.topic.name, cause.sequence);
         book.meter.add(cause.sequence, elapsed);

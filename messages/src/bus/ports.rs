@@ -17,6 +17,8 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
+use iceoryx2::service::port_factory::PortFactory as _;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::{BusError, NodePlan, Run};
 use crate::header::Header;
@@ -48,6 +50,7 @@ pub(super) type DataSample = Sample<ipc::Service, [u64], Head>;
 pub(super) type TextSubscriber = Subscriber<ipc::Service, [u8], Head>;
 pub(super) type LoanedSample = SampleMut<ipc::Service, [u64], Head>;
 type TextPublisher = Publisher<ipc::Service, [u8], Head>;
+type DataService = PortFactory<ipc::Service, [u64], Head>;
 
 /// Ports that viewers and further recorders may add to a running graph, per topic.
 const GUESTS: usize = 2;
@@ -119,25 +122,29 @@ impl Ports {
         })
     }
 
-    pub(super) fn publisher(&self, topic: &Topic) -> Result<DataPublisher, BusError> {
+    fn data_service(&self, topic: &Topic) -> Result<DataService, BusError> {
         let takers = self.run.takers(topic.kind).count();
         service!(self.node, &topic.name, u64, publishers 1, subscribers takers,
-                 buffer self.run.buffer(), overflow false)?
-        .publisher_builder()
-        .initial_max_slice_len(AnyView::words(topic.kind, self.run.rig.size))
-        .max_loaned_samples(1)
-        .backpressure_strategy(BackpressureStrategy::DiscardData)
-        .create()
-        .map_err(|e| BusError::port(format!("publish {}", topic.name), e))
+                 buffer self.run.buffer(), overflow false)
+    }
+
+    pub(super) fn publisher(&self, topic: &Topic) -> Result<(DataPublisher, Audience), BusError> {
+        let service = self.data_service(topic)?;
+        let publisher = service
+            .publisher_builder()
+            .initial_max_slice_len(AnyView::words(topic.kind, self.run.rig.size))
+            .max_loaned_samples(1)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|e| BusError::port(format!("publish {}", topic.name), e))?;
+        Ok((publisher, Audience(service)))
     }
 
     pub(super) fn subscriber(&self, topic: &Topic) -> Result<DataSubscriber, BusError> {
-        let takers = self.run.takers(topic.kind).count();
-        service!(self.node, &topic.name, u64, publishers 1, subscribers takers,
-                 buffer self.run.buffer(), overflow false)?
-        .subscriber_builder()
-        .create()
-        .map_err(|e| BusError::port(format!("subscribe to {}", topic.name), e))
+        self.data_service(topic)?
+            .subscriber_builder()
+            .create()
+            .map_err(|e| BusError::port(format!("subscribe to {}", topic.name), e))
     }
 
     fn finishers(&self) -> usize {
@@ -201,6 +208,15 @@ impl Ports {
                 })
             })
             .collect()
+    }
+}
+
+/// Who listens to a topic at the moment.
+pub(super) struct Audience(DataService);
+
+impl Audience {
+    pub(super) fn is_there(&self) -> bool {
+        self.0.dynamic_config().number_of_subscribers() > 0
     }
 }
 

@@ -88,7 +88,7 @@ impl Codec {
     /// Reads a message back, with its header: `sequence` and `nanos` are the recording's `sequence` and `log_time`,
     /// view, channel and position are the topic's.
     ///
-    /// `beside` gives the bytes of another kind's message of the same scan, view and channel.
+    /// `beside` gives another kind's message of the same scan, view and channel.
     ///
     /// # Errors
     /// When the bytes are not what [`encode`](Self::encode) makes of a message of this topic and rig.
@@ -98,7 +98,7 @@ impl Codec {
         sequence: u64,
         nanos: u64,
         bytes: &'a [u8],
-        beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
+        beside: Others<'_, 'a>,
     ) -> Result<Owned<M>, DecodeError> {
         let mut message = Owned::new(self.rig.size);
         self.decode_into(topic, sequence, nanos, bytes, beside, &mut message)?;
@@ -115,7 +115,7 @@ impl Codec {
         sequence: u64,
         nanos: u64,
         bytes: &'a [u8],
-        beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
+        beside: Others<'_, 'a>,
         message: &mut Owned<M>,
     ) -> Result<(), DecodeError> {
         let header =
@@ -139,7 +139,7 @@ impl Codec {
         sequence: u64,
         nanos: u64,
         bytes: &'a [u8],
-        beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
+        beside: Others<'_, 'a>,
         room: &mut M::Room<'_>,
     ) -> Result<Header, DecodeError> {
         if topic.kind != M::KIND {
@@ -168,8 +168,17 @@ pub struct Beside<'a> {
     pub curves: Option<CurvesView<'a>>,
 }
 
-/// Gives the bytes of another kind's message.
-type Others<'o, 'a> = &'o dyn Fn(Kind) -> Option<&'a [u8]>;
+/// A message that another one of its scan, view and channel refers to.
+#[derive(Clone, Copy, Debug)]
+pub enum Said<'a> {
+    /// As it was recorded.
+    Recorded(&'a [u8]),
+    /// Curves that were read before.
+    Curves(CurvesView<'a>),
+}
+
+/// Gives another kind's message.
+type Others<'o, 'a> = &'o dyn Fn(Kind) -> Option<Said<'a>>;
 
 /// A kind of message that can be read back from a recording.
 pub trait Recorded: Message {
@@ -180,7 +189,7 @@ pub trait Recorded: Message {
     fn read<'a>(
         bytes: &'a [u8],
         most: Size,
-        beside: &dyn Fn(Kind) -> Option<&'a [u8]>,
+        beside: Others<'_, 'a>,
         room: &mut Self::Room<'_>,
     ) -> Result<Size, DecodeError>;
 
@@ -432,6 +441,14 @@ impl Recorded for Curves {
     }
 }
 
+/// The bytes of a message that this one refers to.
+fn recorded<'a>(kind: Kind, beside: Others<'_, 'a>) -> Result<&'a [u8], DecodeError> {
+    match beside(kind) {
+        Some(Said::Recorded(bytes)) => Ok(bytes),
+        Some(Said::Curves(_)) | None => Err(DecodeError::Alone(kind)),
+    }
+}
+
 /// The points of a message of curves, one after the other, whether they stand in it or in the edges beside it.
 fn curve_points<'a>(
     bytes: &'a [u8],
@@ -447,8 +464,7 @@ fn curve_points<'a>(
                     .try_for_each(|edge| take(&[edge]))?;
             }
             (7, value) => {
-                let edges = beside(Kind::Edges).ok_or(DecodeError::Alone(Kind::Edges))?;
-                let edges = Packed::of_cloud::<Edge>(edges)?.0;
+                let edges = Packed::of_cloud::<Edge>(recorded(Kind::Edges, beside)?)?.0;
                 for index in words(value.bytes()?)? {
                     take(&[edges.row(index as usize).ok_or(DecodeError::Unsound)?])?;
                 }
@@ -499,17 +515,23 @@ impl Recorded for Tables {
         if points.is_none() && has_order {
             return Ok(size);
         }
-        let mut curve_points = Vec::new();
-        let curves = beside(Kind::Curves).ok_or(DecodeError::Alone(Kind::Curves))?;
-        let most_points = room.order.capacity();
-        self::curve_points(curves, beside, |more| {
-            curve_points.extend_from_slice(more);
-            if curve_points.len() > most_points {
-                Err(DecodeError::TooMany)
-            } else {
-                Ok(())
+        let mut read = Vec::new();
+        let curve_points = match beside(Kind::Curves) {
+            Some(Said::Curves(curves)) => curves.points,
+            Some(Said::Recorded(curves)) => {
+                let most_points = room.order.capacity();
+                self::curve_points(curves, beside, |more| {
+                    read.extend_from_slice(more);
+                    if read.len() > most_points {
+                        Err(DecodeError::TooMany)
+                    } else {
+                        Ok(())
+                    }
+                })?;
+                &read
             }
-        })?;
+            None => return Err(DecodeError::Alone(Kind::Curves)),
+        };
         if let Some(mut points) = points {
             for table in room.tables.iter() {
                 for point in points.by_ref().take(table.count as usize) {
@@ -539,7 +561,7 @@ impl Recorded for Tables {
         }
         if !has_order {
             let mut by_row = Vec::new();
-            order(&room.rows, &curve_points, &mut by_row).ok_or(DecodeError::Unsound)?;
+            order(&room.rows, curve_points, &mut by_row).ok_or(DecodeError::Unsound)?;
             append(bytemuck::cast_slice(&by_row), &mut room.order)?;
         }
         Ok(size)

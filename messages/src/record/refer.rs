@@ -134,8 +134,7 @@ fn row_of(point: &Edge) -> u32 {
 /// The indices of all points, row by row, each row from left to right, of equal ones the lower index first: `rows`
 /// says where the rows begin and end. `None` when the rows are not those of the points.
 pub(super) fn order(rows: &[u32], points: &[Edge], order: &mut Vec<u32>) -> Option<()> {
-    order.clear();
-    order.resize(points.len(), 0);
+    let mut keys = vec![0; points.len()];
     let mut next = rows.to_vec();
     for (index, point) in (0..).zip(points) {
         let row = row_of(point) as usize;
@@ -143,16 +142,28 @@ pub(super) fn order(rows: &[u32], points: &[Edge], order: &mut Vec<u32>) -> Opti
         if *slot >= *rows.get(row + 1)? {
             return None;
         }
-        *order.get_mut(*slot as usize)? = index;
+        *keys.get_mut(*slot as usize)? = key(point.x, index);
         *slot += 1;
     }
-    // Adding zero makes one of the two zeros.
-    let x = |index: u32| points[index as usize].x + 0.0;
     for bounds in rows.windows(2) {
-        let row = order.get_mut(bounds[0] as usize..bounds[1] as usize)?;
-        row.sort_unstable_by(|&a, &b| x(a).total_cmp(&x(b)).then(a.cmp(&b)));
+        keys.get_mut(bounds[0] as usize..bounds[1] as usize)?
+            .sort_unstable();
     }
+    order.clear();
+    order.extend(keys.iter().map(|&key| key as u32));
     Some(())
+}
+
+/// A key that sorts by value, then by index.
+fn key(value: f32, index: u32) -> u64 {
+    // Adding zero makes one of the two zeros. Floats sort like their bits, once those of negative ones are turned.
+    let bits = (value + 0.0).to_bits();
+    let sortable = if bits >> 31 == 1 {
+        !bits
+    } else {
+        bits | 1 << 31
+    };
+    u64::from(sortable) << 32 | u64::from(index)
 }
 
 #[cfg(test)]

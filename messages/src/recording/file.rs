@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 use binrw::BinRead;
 use mcap::records::{self, MessageHeader, Record, op};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use mcap::{MAGIC, McapError, parse_record};
 
@@ -232,7 +231,7 @@ impl Contents {
     ) -> io::Result<()> {
         while let Some(last) = self.chunks.last_mut() {
             let end = last.chunk_start_offset + last.chunk_length;
-            if let Ok(chunk) = Chunk::load(file, last) {
+            if let Ok(chunk) = Chunk::load(file, last, &mut Vec::new()) {
                 last.message_index_offsets.clear();
                 last.message_index_length = 0;
                 self.last_indexes = chunk.message_indexes();
@@ -256,7 +255,7 @@ impl Contents {
                 .keys()
                 .all(|channel| self.channels.contains_key(channel));
             if counts.is_empty() || !is_known {
-                let Ok(chunk) = Chunk::load(file, index) else {
+                let Ok(chunk) = Chunk::load(file, index, &mut Vec::new()) else {
                     continue;
                 };
                 chunk
@@ -402,7 +401,7 @@ fn chunk_index(
 /// A chunk's records, decompressed and checked.
 #[derive(Debug, Default)]
 pub struct Chunk {
-    /// The messages, one after the other.
+    /// The memory the messages lie in.
     pub bytes: Vec<u8>,
     /// Header, and where in the bytes the message lies.
     pub messages: Vec<(MessageHeader, Range<usize>)>,
@@ -413,32 +412,41 @@ pub struct Chunk {
 }
 
 impl Chunk {
-    /// Reads a chunk and checks it.
+    /// Reads a chunk and checks it, into memory from `spare` where there is some.
     ///
     /// # Errors
     /// When it cannot be read or is damaged.
-    pub fn load(file: &mut File, index: &records::ChunkIndex) -> Result<Self, McapError> {
+    pub fn load(
+        file: &mut File,
+        index: &records::ChunkIndex,
+        spare: &mut Vec<Vec<u8>>,
+    ) -> Result<Self, McapError> {
+        let (bytes, start) = unpacked(file, index, spare)?;
         let mut chunk = Self::default();
-        let mut offset = 0;
-        visit(file, index, |opcode, body| {
+        let mut next = start;
+        while next < bytes.len() {
+            let (opcode, body) = record_in(&bytes, next).ok_or(McapError::UnexpectedEoc)?;
+            let place = next;
+            next = body.end;
             match opcode {
                 op::MESSAGE => {
-                    let header: MessageHeader = BinRead::read_le(&mut io::Cursor::new(body))?;
-                    let start = chunk.bytes.len();
-                    chunk.bytes.extend_from_slice(&body[MESSAGE_HEAD..]);
-                    chunk.messages.push((header, start..chunk.bytes.len()));
-                    chunk.offsets.push(offset);
+                    let message = &bytes[body.clone()];
+                    let head = message
+                        .get(..MESSAGE_HEAD)
+                        .ok_or(McapError::UnexpectedEoc)?;
+                    let header = MessageHeader::read_le(&mut io::Cursor::new(head))?;
+                    let message = body.start + MESSAGE_HEAD..body.end;
+                    chunk.messages.push((header, message));
+                    chunk.offsets.push((place - start) as u64);
                 }
                 op::SCHEMA | op::CHANNEL => {
-                    chunk
-                        .definitions
-                        .push(parse_record(opcode, body)?.into_owned());
+                    let record = parse_record(opcode, &bytes[body])?.into_owned();
+                    chunk.definitions.push(record);
                 }
                 _ => {}
             }
-            offset += RECORD_HEAD + body.len() as u64;
-            Ok(ControlFlow::Continue(()))
-        })?;
+        }
+        chunk.bytes = bytes;
         Ok(chunk)
     }
 
@@ -496,41 +504,81 @@ pub fn first_sequence(
     Ok(None)
 }
 
-/// Shows all records of a chunk, and checks it when all were seen.
-fn visit(
+/// A chunk's records as they were before they were packed, and where in the memory they begin.
+fn unpacked(
     file: &mut File,
     index: &records::ChunkIndex,
-    mut see: impl FnMut(u8, &[u8]) -> Result<ControlFlow<()>, McapError>,
-) -> Result<(), McapError> {
-    let longest = usize::try_from(index.uncompressed_size).map_or(LONGEST_RECORD, |size| {
-        size.max(index.chunk_length as usize).min(LONGEST_RECORD)
-    });
-    let options = LinearReaderOptions::default()
-        .with_skip_start_magic(true)
-        .with_skip_end_magic(true)
-        .with_validate_chunk_crcs(true)
-        .with_record_length_limit(longest);
-    let mut reader = LinearReader::new_with_options(options);
+    spare: &mut Vec<Vec<u8>>,
+) -> Result<(Vec<u8>, usize), McapError> {
+    let mut room = || {
+        let mut room = spare.pop().unwrap_or_default();
+        room.clear();
+        room
+    };
+    let mut packed = room();
     file.seek(SeekFrom::Start(index.chunk_start_offset))?;
-    let mut rest = index.chunk_length;
-    while let Some(event) = reader.next_event() {
-        match event? {
-            LinearReadEvent::ReadRequest(n) => {
-                let n = n.min(usize::try_from(rest).unwrap_or(n));
-                let read = file.read(reader.insert(n))?;
-                reader.notify_read(read);
-                rest -= read as u64;
-            }
-            LinearReadEvent::Record { data, opcode } => {
-                // Every message has its head.
-                if opcode == op::MESSAGE && data.len() < MESSAGE_HEAD {
-                    return Err(McapError::UnexpectedEoc);
-                }
-                if see(opcode, data)?.is_break() {
-                    return Ok(());
-                }
-            }
+    // Whatever an index says, there is no more than the file holds.
+    let length = index.chunk_length.min(file.metadata()?.len());
+    packed.reserve(length as usize);
+    file.take(length).read_to_end(&mut packed)?;
+    if packed.len() as u64 != index.chunk_length {
+        return Err(McapError::UnexpectedEof);
+    }
+    let mut read = io::Cursor::new(&packed);
+    read.set_position(RECORD_HEAD);
+    let header = records::ChunkHeader::read_le(&mut read)?;
+    let start = read.position() as usize;
+    let available = (packed.len() - start) as u64;
+    if header.compressed_size != available {
+        let header = header.compressed_size;
+        return Err(McapError::BadChunkLength { header, available });
+    }
+    if header.uncompressed_size > LONGEST_RECORD as u64 {
+        return Err(McapError::ChunkTooLarge(header.uncompressed_size));
+    }
+    let records: &mut dyn Read = match header.compression.as_str() {
+        "" => return checked(packed, start, &header),
+        "lz4" => &mut lz4::Decoder::new(&packed[start..])?,
+        "zstd" => &mut zstd::Decoder::with_buffer(&packed[start..])?,
+        other => return Err(McapError::UnsupportedCompression(other.to_owned())),
+    };
+    let mut bytes = room();
+    bytes.reserve(header.uncompressed_size.min(ROOM_AT_FIRST) as usize);
+    records
+        .take(header.uncompressed_size)
+        .read_to_end(&mut bytes)?;
+    spare.push(packed);
+    checked(bytes, 0, &header)
+}
+
+/// What a chunk says it unpacks to is believed up to here; more memory is taken when it is there.
+const ROOM_AT_FIRST: u64 = 64 << 20;
+
+fn checked(
+    bytes: Vec<u8>,
+    start: usize,
+    header: &records::ChunkHeader,
+) -> Result<(Vec<u8>, usize), McapError> {
+    let records = &bytes[start..];
+    if records.len() as u64 != header.uncompressed_size {
+        return Err(McapError::UnexpectedEoc);
+    }
+    let saved = header.uncompressed_crc;
+    // Zero says that there is none.
+    if saved != 0 {
+        let calculated = crc32fast::hash(records);
+        if calculated != saved {
+            return Err(McapError::BadChunkCrc { saved, calculated });
         }
     }
-    Ok(())
+    Ok((bytes, start))
+}
+
+/// Opcode and body of the record that begins here; `None` where there is no whole one.
+fn record_in(bytes: &[u8], start: usize) -> Option<(u8, Range<usize>)> {
+    let (head, rest) = bytes.get(start..)?.split_at_checked(RECORD_HEAD as usize)?;
+    let (opcode, length) = head.split_first()?;
+    let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;
+    let body = start + RECORD_HEAD as usize;
+    (length <= rest.len()).then(|| (*opcode, body..body + length))
 }

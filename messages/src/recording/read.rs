@@ -7,8 +7,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::ledger::Ledger;
-use crate::record::{Codec, DecodeError, Recorded};
-use crate::{Header, Kind, Owned, Topic};
+use crate::record::{Codec, DecodeError, Recorded, Said};
+use crate::{CurvesView, Header, Kind, Owned, Topic};
 use mcap::Attachment;
 use mcap::records::ChunkIndex;
 use thiserror::Error;
@@ -127,8 +127,10 @@ pub struct Scan {
     pub sequence: u64,
     /// When it was taken, in nanoseconds since 1970.
     pub nanos: u64,
-    bytes: Vec<u8>,
-    messages: Vec<(String, Range<usize>)>,
+    /// The memory of the chunks its messages lie in.
+    chunks: Vec<Vec<u8>>,
+    /// Topic, chunk, and where in it the message lies.
+    messages: Vec<(String, usize, Range<usize>)>,
 }
 
 impl Scan {
@@ -136,7 +138,7 @@ impl Scan {
     pub fn messages(&self) -> impl Iterator<Item = (&str, &[u8])> {
         self.messages
             .iter()
-            .map(|(topic, range)| (topic.as_str(), &self.bytes[range.clone()]))
+            .map(|(topic, chunk, range)| (topic.as_str(), &self.chunks[*chunk][range.clone()]))
     }
 
     /// The message of a topic.
@@ -149,19 +151,30 @@ impl Scan {
     /// The message of a data topic, read into a room; gives its header but for the lengths. Whether what the room then
     /// shows is [sound](Recorded::is_sound) is for the caller to see.
     ///
+    /// `curves` are those of the topic's view and channel, where they were read before.
+    ///
     /// # Errors
     /// When there is none, or it is damaged.
     pub fn decode_room<M: Recorded>(
         &self,
         codec: &Codec,
         topic: &Topic,
+        curves: Option<CurvesView<'_>>,
         room: &mut M::Room<'_>,
     ) -> Result<Header, ReadError> {
-        let beside = |kind| self.message(&codec.beside(topic, kind)?.name);
+        let beside = |kind| match (kind, curves) {
+            (Kind::Curves, Some(curves)) => Some(Said::Curves(curves)),
+            _ => self.beside(codec, topic, kind),
+        };
         let bytes = self.needed(topic)?;
         codec
             .decode_room::<M>(topic, self.sequence, self.nanos, bytes, &beside, room)
             .map_err(|source| self.damaged(topic, source))
+    }
+
+    fn beside(&self, codec: &Codec, topic: &Topic, kind: Kind) -> Option<Said<'_>> {
+        let bytes = self.message(&codec.beside(topic, kind)?.name)?;
+        Some(Said::Recorded(bytes))
     }
 
     /// The error that says a message's indices lead out of it.
@@ -190,7 +203,7 @@ impl Scan {
     /// # Errors
     /// When there is none, or it is damaged.
     pub fn decode<M: Recorded>(&self, codec: &Codec, topic: &Topic) -> Result<Owned<M>, ReadError> {
-        let beside = |kind| self.message(&codec.beside(topic, kind)?.name);
+        let beside = |kind| self.beside(codec, topic, kind);
         codec
             .decode(
                 topic,
@@ -213,6 +226,8 @@ pub struct Recording {
     pub parts: Vec<Part>,
     scans: BTreeMap<u64, Held>,
     notes: Vec<String>,
+    /// Memory of scans that are no longer needed.
+    spare: Vec<Vec<u8>>,
     /// Bytes of chunks that could not even be begun.
     lost_bytes: u64,
 }
@@ -290,6 +305,7 @@ impl Recording {
             parts,
             scans: BTreeMap::new(),
             notes,
+            spare: Vec::new(),
             lost_bytes: 0,
         };
         recording.find_scans();
@@ -566,7 +582,7 @@ impl Recording {
             {
                 continue;
             }
-            let chunk = match Chunk::load(file, index) {
+            let chunk = match Chunk::load(file, index, &mut self.spare) {
                 Ok(chunk) => chunk,
                 Err(source) => {
                     let offset = index.chunk_start_offset;
@@ -580,20 +596,24 @@ impl Recording {
                     continue;
                 }
             };
-            for (header, range) in &chunk.messages {
+            let place = scan.chunks.len();
+            for (header, range) in chunk.messages {
                 let Some(topic) = topic(&header.channel_id) else {
                     continue;
                 };
                 let is_of_scan = u64::from(header.sequence) == sequence && wanted(topic);
                 if is_of_scan && (is_repeated(topic) || seen.insert(topic.to_owned())) {
-                    let start = scan.bytes.len();
-                    scan.bytes.extend_from_slice(&chunk.bytes[range.clone()]);
-                    scan.messages
-                        .push((topic.to_owned(), start..scan.bytes.len()));
+                    scan.messages.push((topic.to_owned(), place, range));
                 }
             }
+            scan.chunks.push(chunk.bytes);
         }
         Ok(scan)
+    }
+
+    /// Takes back the memory of a scan, for the next one that is read.
+    pub fn reuse(&mut self, scan: Scan) {
+        self.spare.extend(scan.chunks);
     }
 
     /// Reads one message of a data topic.
@@ -601,13 +621,9 @@ impl Recording {
     /// # Errors
     /// When it is not there, or damaged.
     pub fn read<M: Recorded>(&mut self, scan: u64, topic: &Topic) -> Result<Owned<M>, ReadError> {
-        // What it may refer to stands in these.
-        let beside =
-            [Kind::Edges, Kind::Curves].map(|kind| self.codec.beside(topic, kind).cloned());
-        let is_beside = |name: &str| beside.iter().flatten().any(|topic| topic.name == name);
-        let refers = matches!(topic.kind, Kind::Curves | Kind::Tables);
-        self.scan_of(scan, |name| name == topic.name || refers && is_beside(name))?
-            .decode(&self.codec, topic)
+        let codec = self.codec.clone();
+        self.scan_of(scan, |name| name == topic.name || codec.refers(topic, name))?
+            .decode(&codec, topic)
     }
 
     /// The scans there are, in words.
@@ -732,7 +748,7 @@ fn sequences(file: &mut File, index: &ChunkIndex) -> Result<BTreeMap<u64, u64>, 
             .into_iter()
             .collect());
     }
-    let chunk = Chunk::load(file, index)?;
+    let chunk = Chunk::load(file, index, &mut Vec::new())?;
     Ok(chunk
         .messages
         .iter()

@@ -99,6 +99,15 @@ pub(crate) fn channel_id(index: usize) -> u16 {
     index as u16 + 1
 }
 
+/// The kinds of message that a recording with these settings is made of: what it holds, and what its views show.
+pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
+    let viewed = [Kind::Curves, Kind::Matches, Kind::Disparity, Kind::Points];
+    let mut kinds = Kind::ALL.to_vec();
+    kinds
+        .retain(|kind| !settings.without.contains(kind) || settings.views && viewed.contains(kind));
+    kinds
+}
+
 /// Encodes scans of one rig.
 #[derive(Debug)]
 pub struct Encoder {
@@ -185,9 +194,8 @@ impl Encoder {
             views,
             ..
         } = self;
-        let largest = codec.rig().size;
-        let size_of =
-            |view: usize| find(Kind::Image, view as u32, none).map_or(largest, |(h, _)| h.size());
+        // All views of a scan are of one size, and every message says it.
+        let size = first.size();
         // Only what is recorded too can be referred to.
         let beside = |topic: &Topic| {
             let of = |kind| {
@@ -221,13 +229,10 @@ impl Encoder {
         for (index, channel) in channels.iter().enumerate() {
             match &channel.content {
                 Content::Transforms => {
-                    let size = size_of(codec.reference());
                     batch.add(index, |out| codec.transforms(nanos, size, out));
                 }
                 Content::Calibration(view) => {
-                    batch.add(index, |out| {
-                        codec.calibration(*view, nanos, size_of(*view), out)
-                    });
+                    batch.add(index, |out| codec.calibration(*view, nanos, size, out));
                 }
                 Content::Annotations(view) => {
                     let curves = find(Kind::Curves, *view as u32, finest);

@@ -30,7 +30,7 @@ pub use messages::recording::{Metadata, MetadataError, ReadError, Recording, Sca
 
 #[cfg(feature = "node")]
 pub use attach::{Attach, AttachError, Attached, Wish, attach};
-pub use batch::{Batch, Encoder};
+pub use batch::{Batch, Encoder, taken_kinds};
 pub use export::{CSV_HEADER, Export, ExportError, export};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
 pub use rewrite::{RewriteError, Rewritten, Split, Wanted, rewrite};

@@ -42,7 +42,7 @@ const LEDGER_EVERY: Duration = Duration::from_secs(1);
 /// # Errors
 /// When the bus fails, a message is damaged, or the file cannot be written; what was written stays readable.
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), RecordError> {
-    let mut scans = bus.joins(&bus.run().kinds())?;
+    let mut scans = bus.joins(&bus.run().taken_by(bus.name()))?;
     let mut heard = bus.hear_reports()?;
     let done = bus.finisher()?;
     let metadata = metadata(bus, start);

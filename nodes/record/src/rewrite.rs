@@ -4,8 +4,8 @@
 //! parts, whole or damaged ─► Recording ─► scans, each topic once ─► Rewriter ─► out.mcap, out.1.mcap …
 //! ```
 //!
-//! Messages are copied as they are, byte for byte; metadata, attachments and schemas go into every part. The input is
-//! only read. A part gets its name when it is finished: until then it is called `.name.part`.
+//! Messages are copied as they are, byte for byte, but for those that refer to a message that is left out: they are
+//! written so that they stand alone. Metadata, attachments and schemas go into every part. The input is only read. A part gets its name when it is finished: until then it is called `.name.part`.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -15,9 +15,11 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
+use messages::record::{Beside, Codec};
 use messages::recording::{
     FileSchema, Identity, Metadata, ReadError, Recording, Scan, ScanOrder, part_path,
 };
+use messages::{Curves, Kind, Tables, Topic};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -159,7 +161,8 @@ pub fn rewrite(
         .iter()
         .map(|recording| chosen(recording).len())
         .sum();
-    let mut rewriter = Rewriter::new(out, frame, wanted.split);
+    let codec = recordings[0].codec().clone();
+    let mut rewriter = Rewriter::new(out, frame, codec, wanted.split);
     let mut done = 0;
     let mut offset = 0;
     for recording in &mut recordings {
@@ -172,6 +175,7 @@ pub fn rewrite(
             read.sequence = scan + offset;
             next = next.max(read.sequence + 1);
             rewriter.write(&read, wanted.topic)?;
+            recording.reuse(read);
             rewriter.done.whole += u64::from(unreadable == 0 && whole.binary_search(&scan).is_ok());
             done += 1;
             (wanted.progress)(done, all);
@@ -275,16 +279,20 @@ impl Drop for Part {
 struct Rewriter {
     out: PathBuf,
     frame: Frame,
+    codec: Codec,
+    topics: Vec<Topic>,
     split: Split,
     part: Option<Part>,
     done: Rewritten,
 }
 
 impl Rewriter {
-    fn new(out: &Path, frame: Frame, split: Split) -> Self {
+    fn new(out: &Path, frame: Frame, codec: Codec, split: Split) -> Self {
         Self {
             out: out.to_owned(),
             frame,
+            topics: Topic::all(codec.rig()),
+            codec,
             split,
             part: None,
             done: Rewritten::default(),
@@ -321,8 +329,11 @@ impl Rewriter {
                 log_time: scan.nanos,
                 publish_time: scan.nanos,
             };
-            let renumbered = renumbered(name, bytes, scan.sequence);
-            let bytes = renumbered.as_deref().unwrap_or(bytes);
+            let changed = match self.topics.iter().find(|known| known.name == name) {
+                Some(known) => alone(&mut self.codec, scan, known, topic),
+                None => renumbered(name, bytes, scan.sequence),
+            };
+            let bytes = changed.as_deref().unwrap_or(bytes);
             part.writer
                 .write_to_known_channel(&header, bytes)
                 .map_err(|source| write_error(&part.path, source))?;
@@ -376,6 +387,34 @@ impl Rewriter {
         self.close_part()?;
         Ok(self.done)
     }
+}
+
+/// A message that refers to one that is left out, as it stands alone. One that cannot be read stays as it is.
+fn alone(
+    codec: &mut Codec,
+    scan: &Scan,
+    topic: &Topic,
+    is_kept: &dyn Fn(&str) -> bool,
+) -> Option<Vec<u8>> {
+    let mut names = scan.messages().map(|(name, _)| name);
+    if !names.any(|name| codec.refers(topic, name) && !is_kept(name)) {
+        return None;
+    }
+    let mut encoded = Vec::new();
+    match topic.kind {
+        Kind::Curves => {
+            let read = scan.decode::<Curves>(codec, topic).ok()?;
+            let (header, view) = (read.header, read.view().into());
+            codec.encode(topic, &header, view, Beside::default(), &mut encoded);
+        }
+        Kind::Tables => {
+            let read = scan.decode::<Tables>(codec, topic).ok()?;
+            let (header, view) = (read.header, read.view().into());
+            codec.encode(topic, &header, view, Beside::default(), &mut encoded);
+        }
+        _ => return None,
+    }
+    Some(encoded)
 }
 
 /// The statistics of a scan that has another number now; nothing else says its number itself.

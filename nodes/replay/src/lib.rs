@@ -16,5 +16,5 @@ mod settings;
 pub mod verify;
 
 pub use clock::Clock;
-pub use selection::{Choice, Selection, SelectionError, replayed_kinds};
+pub use selection::{Choice, Selection, SelectionError, check_cut, replayed_kinds};
 pub use settings::Settings;

@@ -3,11 +3,13 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use messages::bus::{Bus, BusError, Filled, Gate, Level, Outputs, Play, Request, Start};
+use messages::bus::{Bus, BusError, Filled, Gate, Level, Loan, Outputs, Play, Request, Start};
 use messages::door::UnderWay;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Recording, Scan};
-use messages::{Curves, Disparity, Edges, Header, Image, Kind, Matches, Points, Tables, Topic};
+use messages::{
+    Curves, CurvesView, Disparity, Edges, Header, Image, Kind, Matches, Points, Tables, Topic,
+};
 
 use crate::{Clock, Selection, SelectionError, Settings};
 
@@ -35,11 +37,11 @@ const IDLE: Duration = Duration::from_secs(1);
 /// before comes out.
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), ReplayError> {
     let recording = Recording::open(Path::new(&settings.file))?;
-    let selection = Selection::of(&recording, settings.choice())?;
+    let selection = Selection::of(&recording, settings.choice(bus.run().taken()))?;
     let count = selection.scans.len() as u64;
     let total = (!settings.repeat).then_some(count);
     let mut replay = Replay {
-        outputs: bus.outputs(&selection.kinds)?,
+        outputs: bus.outputs_on_demand(&settings.kinds())?,
         gate: bus.gate(&start.resume, total)?,
         codec: recording.codec().clone(),
         selection,
@@ -81,10 +83,11 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Repla
         replay.gate.hear_done(bus)?;
         if is_due && replay.gate.door().is_open() && !is_draining {
             match replay.read(tick) {
-                Ok(scan) => {
+                Ok((scan, topics)) => {
                     clock.played(Instant::now(), replay.selection.scan(tick).1);
                     let under_way = replay.gate.admit(bus);
-                    replay.send(under_way, &scan)?;
+                    replay.send(under_way, &scan, &topics)?;
+                    replay.recording.reuse(scan);
                     if settings.repeat && (tick + 1).is_multiple_of(count) {
                         let next = replay.gate.door().admitted();
                         let text = format!("begins again: scans are numbered on from {next}");
@@ -119,19 +122,36 @@ impl Replay {
         self.selection.scan(self.gate.door().next_tick()).1
     }
 
-    fn read(&mut self, tick: u64) -> Result<Scan, ReadError> {
+    /// Reads a scan as far as somebody listens, and says to what.
+    fn read(&mut self, tick: u64) -> Result<(Scan, Vec<Topic>), ReadError> {
         let (number, _) = self.selection.scan(tick);
-        let topics = &self.selection.topics;
-        self.recording
-            .scan_of(number, |name| topics.iter().any(|topic| topic.name == name))
+        let mut topics = self.selection.topics.clone();
+        topics.retain(|topic| self.outputs.is_wanted(topic));
+        let is_wanted = |name: &str| {
+            let needs = |topic: &Topic| topic.name == name || self.codec.refers(topic, name);
+            topics.iter().any(needs)
+        };
+        let scan = self.recording.scan_of(number, is_wanted)?;
+        // What a guest would like to hear need not be there.
+        topics.retain(|topic| self.outputs.is_owed(topic) || scan.message(&topic.name).is_some());
+        Ok((scan, topics))
     }
 
-    fn send(&self, under_way: UnderWay, scan: &Scan) -> Result<(), ReplayError> {
-        for topic in &self.selection.topics {
+    fn send(&self, under_way: UnderWay, scan: &Scan, topics: &[Topic]) -> Result<(), ReplayError> {
+        let of = |kind: Kind, like: &Topic| {
+            let is_it =
+                |t: &&Topic| t.kind == kind && (t.view, t.channel) == (like.view, like.channel);
+            topics.iter().find(is_it)
+        };
+        for topic in topics {
             match topic.kind {
                 Kind::Image => self.publish::<Image>(topic, under_way, scan)?,
                 Kind::Edges => self.publish::<Edges>(topic, under_way, scan)?,
-                Kind::Curves => self.publish::<Curves>(topic, under_way, scan)?,
+                Kind::Curves => {
+                    let tables = of(Kind::Tables, topic);
+                    self.publish_curves(topic, tables, under_way, scan)?;
+                }
+                Kind::Tables if of(Kind::Curves, topic).is_some() => {}
                 Kind::Tables => self.publish::<Tables>(topic, under_way, scan)?,
                 Kind::Matches => self.publish::<Matches>(topic, under_way, scan)?,
                 Kind::Disparity => self.publish::<Disparity>(topic, under_way, scan)?,
@@ -148,31 +168,63 @@ impl Replay {
         under_way: UnderWay,
         scan: &Scan,
     ) -> Result<(), ReplayError> {
-        let (_, nanos) = self.selection.scan(under_way.tick);
         let mut loan = self.outputs.loan::<M>(topic.view, topic.channel)?;
+        let (header, filled) = self.fill(&mut loan, topic, under_way, scan, None)?;
+        Ok(self.outputs.publish(loan, &header, filled)?)
+    }
+
+    /// Publishes curves and with them the tables that refer to them, so that these need not read them again.
+    fn publish_curves(
+        &self,
+        topic: &Topic,
+        tables: Option<&Topic>,
+        under_way: UnderWay,
+        scan: &Scan,
+    ) -> Result<(), ReplayError> {
+        let mut loan = self.outputs.loan::<Curves>(topic.view, topic.channel)?;
+        let (header, filled) = self.fill(&mut loan, topic, under_way, scan, None)?;
+        if let Some(tables) = tables {
+            let mut their = self.outputs.loan::<Tables>(tables.view, tables.channel)?;
+            let curves = loan.view(&filled);
+            let (header, filled) = self.fill(&mut their, tables, under_way, scan, curves)?;
+            self.outputs.publish(their, &header, filled)?;
+        }
+        Ok(self.outputs.publish(loan, &header, filled)?)
+    }
+
+    /// Reads a message into shared memory.
+    fn fill<M: Recorded>(
+        &self,
+        loan: &mut Loan<M>,
+        topic: &Topic,
+        under_way: UnderWay,
+        scan: &Scan,
+        curves: Option<CurvesView<'_>>,
+    ) -> Result<(Header, Filled), ReplayError> {
         let (header, filled) = {
             let mut room = loan.room()?;
-            let header = scan.decode_room::<M>(&self.codec, topic, &mut room)?;
+            let header = scan.decode_room::<M>(&self.codec, topic, curves, &mut room)?;
             (header, Filled::of::<M>(&room))
         };
-        let is_sound = loan.view(&filled).is_some_and(M::is_sound);
-        if !is_sound {
+        if !loan.view(&filled).is_some_and(M::is_sound) {
             return Err(scan.unsound(topic).into());
         }
+        let (_, nanos) = self.selection.scan(under_way.tick);
         let header = Header {
             sequence: under_way.sequence,
             capture_nanos: nanos,
             done_below: self.gate.door().done_below(),
             ..header
         };
-        Ok(self.outputs.publish(loan, &header, filled)?)
+        Ok((header, filled))
     }
 
     /// Sends the scans under way once more, the oldest first.
     fn resend(&mut self) -> Result<(), ReplayError> {
         for under_way in self.gate.door().under_way().collect::<Vec<_>>() {
-            let scan = self.read(under_way.tick)?;
-            self.send(under_way, &scan)?;
+            let (scan, topics) = self.read(under_way.tick)?;
+            self.send(under_way, &scan, &topics)?;
+            self.recording.reuse(scan);
         }
         Ok(())
     }

@@ -3,12 +3,10 @@
 use messages::recording::Recording;
 use messages::{Kind, Stage, Topic};
 
-/// The scans that are replayed, and the topics of each.
+/// The scans that are replayed, and their topics.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
-    /// The kinds of message the stages before the cut make.
-    pub kinds: Vec<Kind>,
-    /// Their topics.
+    /// Their topics; a scan may lack those that nobody takes.
     pub topics: Vec<Topic>,
     /// The recording's scans, in order, with their times in nanoseconds since 1970.
     pub scans: Vec<(u64, u64)>,
@@ -17,15 +15,17 @@ pub struct Selection {
 }
 
 /// What is to be selected.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Choice {
     /// The first stage that computes anew.
     pub from: Stage,
+    /// The kinds of message that somebody takes: of what is replayed, a scan must have these.
+    pub taken: Vec<Kind>,
     /// The recording's scan to begin with.
     pub first: u64,
     /// The recording's scan before which to end.
     pub end: Option<u64>,
-    /// Whether scans must have all that was recorded of others, not only what is replayed.
+    /// Whether scans must have all that was recorded of others, not only what is taken.
     pub whole: bool,
 }
 
@@ -62,6 +62,59 @@ pub fn replayed_kinds(from: Stage) -> Vec<Kind> {
     Kind::ALL.into_iter().filter(is_before).collect()
 }
 
+/// The kinds of message that these stages need of what is replayed.
+fn needed_kinds(from: Stage, to: Stage) -> Vec<Kind> {
+    let mut kinds = replayed_kinds(from);
+    let stages = || {
+        Stage::ALL
+            .into_iter()
+            .filter(|stage| (from..=to).contains(stage))
+    };
+    kinds.retain(|kind| stages().any(|stage| stage.takes().contains(kind)));
+    kinds
+}
+
+/// Whether the recording holds what the stages from this one on, as far as that one, need of the stages before.
+///
+/// # Errors
+/// When it does not: with the cuts that are possible.
+pub fn check_cut(recording: &Recording, from: Stage, to: Stage) -> Result<(), SelectionError> {
+    check_needed(recording, from, &needed_kinds(from, to))
+}
+
+fn check_needed(recording: &Recording, from: Stage, needed: &[Kind]) -> Result<(), SelectionError> {
+    let rig = &recording.metadata().rig;
+    let channels = recording.channels();
+    let missing = |kinds: &[Kind]| -> Vec<String> {
+        let is_missing = |topic: &&Topic| !channels.contains_key(&*topic.name);
+        let among = |kind: &Kind| {
+            let topics = Topic::of(rig, *kind);
+            let missing = topics.iter().filter(is_missing).collect::<Vec<_>>();
+            let first = &missing.first()?.name;
+            Some(match missing.len() {
+                1 => first.clone(),
+                more => format!("{first} and {} more", more - 1),
+            })
+        };
+        kinds.iter().filter_map(among).collect()
+    };
+    let lacking = missing(needed);
+    if lacking.is_empty() {
+        return Ok(());
+    }
+    let possible = |stage: &Stage| missing(&needed_kinds(*stage, Stage::Match)).is_empty();
+    let stages = Stage::ALL.into_iter().filter(possible).map(Stage::name);
+    let stages = stages.collect::<Vec<_>>().join(", ");
+    Err(SelectionError::Cut {
+        from: from.name(),
+        missing: lacking.join(", "),
+        possible: match stages.is_empty() {
+            true => "it cannot be replayed from any stage".to_owned(),
+            false => format!("it can be replayed from {stages}"),
+        },
+    })
+}
+
 impl Selection {
     /// What is replayed of a recording.
     ///
@@ -70,6 +123,7 @@ impl Selection {
     pub fn of(recording: &Recording, choice: Choice) -> Result<Self, SelectionError> {
         let Choice {
             from,
+            taken,
             first,
             end,
             whole,
@@ -82,39 +136,18 @@ impl Selection {
                 .collect()
         };
         let channels = recording.channels();
-        let missing = |topics: &[Topic]| -> Vec<String> {
-            let is_missing = |topic: &&Topic| !channels.contains_key(&*topic.name);
-            topics
-                .iter()
-                .filter(is_missing)
-                .map(|topic| topic.name.clone())
-                .collect()
-        };
         let kinds = replayed_kinds(from);
-        let topics = topics_of(&kinds);
-        let lacking = missing(&topics);
-        if !lacking.is_empty() {
-            let possible = |stage: &Stage| missing(&topics_of(&replayed_kinds(*stage))).is_empty();
-            let stages: Vec<_> = Stage::ALL
-                .into_iter()
-                .filter(possible)
-                .map(Stage::name)
-                .collect();
-            return Err(SelectionError::Cut {
-                from: from.name(),
-                missing: lacking.join(", "),
-                possible: match stages.is_empty() {
-                    true => "it cannot be replayed from any stage".to_owned(),
-                    false => format!("it can be replayed from {}", stages.join(", ")),
-                },
-            });
-        }
+        let mut topics = topics_of(&kinds);
+        topics.retain(|topic| channels.contains_key(&*topic.name));
+        let is_needed = |kind: &Kind| kinds.contains(kind) && taken.contains(kind);
+        let needed: Vec<Kind> = Kind::ALL.into_iter().filter(is_needed).collect();
+        check_needed(recording, from, &needed)?;
         let range = first..end.unwrap_or(u64::MAX);
         let all = recording
             .scans()
             .filter(|scan| range.contains(scan))
             .count();
-        let mut scans = recording.scans_with(&topics);
+        let mut scans = recording.scans_with(&topics_of(&needed));
         if whole {
             let all = recording.whole_scans();
             scans.retain(|scan| all.binary_search(scan).is_ok());
@@ -134,7 +167,6 @@ impl Selection {
             });
         }
         Ok(Self {
-            kinds,
             topics,
             broken: all - scans.len(),
             scans,

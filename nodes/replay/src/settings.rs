@@ -1,8 +1,8 @@
 //! Settings of the replay node.
 
-use messages::Stage;
+use messages::{Kind, Stage};
 
-use crate::Choice;
+use crate::{Choice, replayed_kinds};
 
 messages::settings! {
     /// What is replayed, and how fast.
@@ -11,6 +11,8 @@ messages::settings! {
         pub file: String = String::new();
         /// The first stage that computes anew; what the stages before it made is replayed.
         pub from: Stage = Stage::Capture;
+        /// Kinds of message of the stages before that the recording does not hold: they are not replayed.
+        pub without: Vec<Kind> = Vec::new();
         /// The recording's scan to begin with.
         pub first: u64 = 0;
         /// The recording's scan before which to end; by default all are replayed.
@@ -29,10 +31,18 @@ messages::settings! {
 }
 
 impl Settings {
-    /// Which scans these select.
-    pub fn choice(&self) -> Choice {
+    /// The kinds of message that are replayed.
+    pub fn kinds(&self) -> Vec<Kind> {
+        let mut kinds = replayed_kinds(self.from);
+        kinds.retain(|kind| !self.without.contains(kind));
+        kinds
+    }
+
+    /// Which scans these select where these kinds of message are taken.
+    pub fn choice(&self, taken: Vec<Kind>) -> Choice {
         Choice {
             from: self.from,
+            taken,
             first: self.first,
             end: self.end,
             whole: self.whole,

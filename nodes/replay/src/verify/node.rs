@@ -6,7 +6,7 @@ use messages::bus::{Bus, BusError, Start};
 use messages::recording::{ReadError, Recording};
 
 use super::{Findings, Settings};
-use crate::{Choice, Selection, SelectionError, replayed_kinds};
+use crate::{Choice, Selection, SelectionError};
 
 /// Why comparing failed.
 #[derive(Debug, thiserror::Error)]
@@ -36,16 +36,14 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Verif
         &recording,
         Choice {
             from: settings.from,
+            taken: bus.run().taken(),
             first: settings.first,
             end: settings.end,
             // What was not recorded cannot be compared.
             whole: true,
         },
     )?;
-    let replayed = replayed_kinds(settings.from);
-    let mut kinds = bus.run().kinds();
-    kinds.retain(|kind| !replayed.contains(kind));
-    let mut scans = bus.joins(&kinds)?;
+    let mut scans = bus.joins(&bus.run().taken_by(bus.name()))?;
     let done = bus.finisher()?;
     let path = bus.run().root.join(Findings::FILE);
     let mut findings = match start.life {
@@ -62,6 +60,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Verif
                 let (topic, header) = (message.topic(), message.header());
                 findings.compare(&codec, &recorded, topic, &header, message.any_view()?);
             }
+            recording.reuse(recorded);
             findings.done(scan.sequence);
             keep(&path, &findings)?;
             bus.spent(began.elapsed());
