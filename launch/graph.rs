@@ -57,7 +57,11 @@ impl Graph {
             .map_err(|text| Failure::usage(format!("{name}: {text}")))
     }
 
-    fn parse(text: &str, profile: Profile, overrides: &Overrides) -> Result<Self, String> {
+    pub(crate) fn parse(
+        text: &str,
+        profile: Profile,
+        overrides: &Overrides,
+    ) -> Result<Self, String> {
         let table: toml::Table = text.parse().map_err(|e: toml::de::Error| e.to_string())?;
         match serde_json::to_value(table).map_err(|e| e.to_string())? {
             Value::Object(tables) => Self::of_tables(tables, profile, overrides),

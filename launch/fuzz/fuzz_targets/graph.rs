@@ -1,0 +1,12 @@
+//! The reader of graph files: whatever the text is, it says what is wrong or gives a graph that prints and reads back.
+//!
+//! `cargo +nightly fuzz run graph` in `launch/`.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|text: &str| {
+    if let Ok(whole) = launch::whole_graph(text) {
+        assert_eq!(launch::whole_graph(&whole).as_ref(), Ok(&whole));
+    }
+});

@@ -1,0 +1,116 @@
+//! tricurve: depth from one camera moved along a rail, or three in a row, by matching curves.
+//!
+//! ```text
+//! tricurve run ─► graph file ─► plan ─► supervisor ─► one process a node (this executable, run again)
+//! ```
+//!
+//! The launcher is glue: what a node computes is in its crate under `nodes/`, what nodes say to each other in
+//! `messages/`. This folder reads the graph file, starts, watches and ends the processes, and shows what they did.
+
+/// Says a line to the user on standard error. A terminal that is gone is no reason to fail: the run still has to end in
+/// good order.
+macro_rules! say {
+    ($($line:tt)*) => {{
+        use std::io::Write as _;
+        writeln!(std::io::stderr().lock(), $($line)*).unwrap_or_default();
+    }};
+}
+pub(crate) use say;
+
+mod cli;
+mod commands;
+mod graph;
+mod keys;
+mod launcher;
+mod node;
+mod progress;
+mod registry;
+mod rundir;
+mod supervisor;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+
+/// How a command ended; the one table of exit codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Outcome {
+    /// Everything was done.
+    Done,
+    /// It failed.
+    Failed,
+    /// The command line or the graph file is wrong.
+    Usage,
+    /// It finished, but data was lost.
+    Lost,
+    /// It was aborted by a second signal.
+    Aborted,
+}
+
+impl Outcome {
+    fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::Failed => 1,
+            Self::Usage => 2,
+            Self::Lost => 3,
+            Self::Aborted => 130,
+        }
+    }
+}
+
+/// A failure in one sentence, and how the process ends for it.
+#[derive(Debug)]
+struct Failure {
+    outcome: Outcome,
+    text: String,
+}
+
+impl Failure {
+    fn failed(text: impl ToString) -> Self {
+        Self {
+            outcome: Outcome::Failed,
+            text: text.to_string(),
+        }
+    }
+
+    fn usage(text: impl ToString) -> Self {
+        Self {
+            outcome: Outcome::Usage,
+            text: text.to_string(),
+        }
+    }
+}
+
+/// Is the program: reads its command line and does what it says.
+pub fn main() -> ExitCode {
+    let outcome = match cli::Cli::try_parse() {
+        Ok(cli) => commands::run(cli).unwrap_or_else(|failure| {
+            crate::say!("tricurve: {}", failure.text);
+            failure.outcome
+        }),
+        Err(error) => {
+            let outcome = if error.use_stderr() {
+                Outcome::Usage
+            } else {
+                Outcome::Done
+            };
+            match error.print() {
+                Ok(()) => outcome,
+                Err(_) => Outcome::Failed,
+            }
+        }
+    };
+    ExitCode::from(outcome.code())
+}
+
+/// Reads a graph file's text and prints the graph it gives, as a graph file with every key; for the fuzzer.
+///
+/// # Errors
+/// When it is no graph file: in a sentence.
+pub fn whole_graph(text: &str) -> Result<String, String> {
+    let overrides = graph::Overrides::default();
+    let graph = graph::Graph::parse(text, cli::Profile::Default, &overrides)?;
+    Ok(graph.to_toml())
+}
