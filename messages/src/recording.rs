@@ -7,6 +7,7 @@
 //! Who writes them is the node `record`; everybody who reads them, reads them here.
 
 mod file;
+mod layout;
 mod metadata;
 mod parts;
 mod read;

@@ -1,6 +1,6 @@
 //! The reader of graph files: whatever the text is, it says what is wrong or gives a graph that prints and reads back.
 //!
-//! `cargo +nightly fuzz run graph` in `launch/`.
+//! `cargo +nightly fuzz run --fuzz-dir launch/fuzz graph`
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,6 +1,6 @@
 //! Every message decoder: whatever the bytes are, it says what is wrong or gives a message whose indices hold.
 //!
-//! `cargo +nightly fuzz run message` in `messages/`.
+//! `cargo +nightly fuzz run --fuzz-dir messages/fuzz message`
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

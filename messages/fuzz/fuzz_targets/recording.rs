@@ -1,6 +1,7 @@
 //! The reader of recordings: whatever the file holds, it says what is wrong or gives the scans that can be read.
 //!
-//! `cargo +nightly fuzz run recording` in `messages/`; a short recording in `fuzz/corpus/recording/` helps it along.
+//! `cargo +nightly fuzz run --fuzz-dir messages/fuzz recording`; a short recording in `messages/fuzz/corpus/recording/`
+//! helps it along.
 #![no_main]
 
 use std::io::Write;

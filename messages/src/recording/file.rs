@@ -7,8 +7,9 @@ use std::ops::Range;
 
 use binrw::BinRead;
 use mcap::records::{self, MessageHeader, Record, op};
-use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
-use mcap::{MAGIC, McapError, parse_record};
+use mcap::{MAGIC, McapError};
+
+use super::layout::{is_whole, parse};
 
 /// Opcode and length in front of every record.
 pub const RECORD_HEAD: u64 = 1 + 8;
@@ -74,77 +75,46 @@ impl Contents {
 
     /// By the file's own index; `None` when it has none, or one that leaves out what is needed.
     fn from_summary(file: &mut File, len: u64) -> io::Result<Option<Self>> {
-        let options = SummaryReaderOptions::default().with_file_size(len);
-        let mut reader = SummaryReader::new_with_options(options);
-        while let Some(event) = reader.next_event() {
-            match event {
-                Ok(SummaryReadEvent::ReadRequest(n)) => {
-                    let read = file.read(reader.insert(n))?;
-                    reader.notify_read(read);
-                }
-                Ok(SummaryReadEvent::SeekRequest(to)) => reader.notify_seeked(file.seek(to)?),
-                Err(_) => return Ok(None),
-            }
-        }
-        let Some(summary) = reader.finish() else {
+        let Some(summary) = summary(file, len)? else {
             return Ok(None);
         };
-        let Some(stats) = summary.stats else {
-            return Ok(None);
-        };
-        let tells_all = summary.channels.len() == stats.channel_count as usize
-            && summary.chunk_indexes.len() == stats.chunk_count as usize
-            && summary.metadata_indexes.len() == stats.metadata_count as usize
-            && (stats.message_count == 0 || stats.chunk_count > 0);
-        if !tells_all {
-            return Ok(None);
-        }
         let mut contents = Self {
             is_finished: true,
             whole_until: len,
             ..Self::default()
         };
+        let (mut stats, mut metadata_indexes, mut next) = (None, Vec::new(), 0);
+        while next < summary.len() {
+            let Some((opcode, body)) = record_in(&summary, next) else {
+                return Ok(None);
+            };
+            next = body.end;
+            match parse(opcode, &summary[body]) {
+                Ok(Record::Statistics(record)) => stats = Some(record),
+                Ok(Record::ChunkIndex(index)) => contents.chunks.push(index),
+                Ok(Record::AttachmentIndex(index)) => contents.attachments.push(index),
+                Ok(Record::MetadataIndex(index)) => metadata_indexes.push(index),
+                Ok(record) => contents.define(&record),
+                Err(_) => return Ok(None),
+            }
+        }
+        let Some(stats) = stats else {
+            return Ok(None);
+        };
+        let tells_all = contents.channels.len() == stats.channel_count as usize
+            && contents.chunks.len() == stats.chunk_count as usize
+            && metadata_indexes.len() == stats.metadata_count as usize
+            && (stats.message_count == 0 || stats.chunk_count > 0);
+        if !tells_all {
+            return Ok(None);
+        }
         if let Ok(Some(Record::Header(header))) = record_at(file, MAGIC.len() as u64, len) {
             contents.library = header.library;
         }
-        contents.schemas = summary
-            .schemas
-            .values()
-            .map(|s| {
-                let (name, encoding) = (s.name.clone(), s.encoding.clone());
-                (
-                    s.id,
-                    FileSchema {
-                        name,
-                        encoding,
-                        data: s.data.to_vec(),
-                    },
-                )
-            })
-            .collect();
-        contents.channels = summary
-            .channels
-            .values()
-            .map(|c| {
-                (
-                    c.id,
-                    records::Channel {
-                        id: c.id,
-                        schema_id: c.schema.as_ref().map_or(0, |schema| schema.id),
-                        topic: c.topic.clone(),
-                        message_encoding: c.message_encoding.clone(),
-                        metadata: c.metadata.clone(),
-                    },
-                )
-            })
-            .collect();
-        contents.chunks = summary.chunk_indexes;
-        contents
-            .chunks
-            .sort_by_key(|chunk| chunk.chunk_start_offset);
+        let by_place = |chunk: &records::ChunkIndex| chunk.chunk_start_offset;
+        contents.chunks.sort_by_key(by_place);
         contents.counts = stats.channel_message_counts;
-        contents.attachments = summary.attachment_indexes;
-        for index in summary.metadata_indexes {
+        for index in metadata_indexes {
             if let Some(Record::Metadata(metadata)) = record_at(file, index.offset, len)? {
                 contents.metadata.push((index, metadata));
             }
@@ -304,6 +274,36 @@ impl Contents {
     }
 }
 
+/// The summary of a file that ends as it should, record by record; `None` when it has none.
+fn summary(file: &mut File, len: u64) -> io::Result<Option<Vec<u8>>> {
+    const FOOTER: u64 = RECORD_HEAD + 8 + 8 + 4;
+    let Some(start) = len.checked_sub(FOOTER + MAGIC.len() as u64) else {
+        return Ok(None);
+    };
+    let mut end = [0; FOOTER as usize + MAGIC.len()];
+    file.seek(SeekFrom::Start(start))?;
+    file.read_exact(&mut end)?;
+    let (footer, magic) = end.split_at(FOOTER as usize);
+    let Ok(Record::Footer(record)) = parse(footer[0], &footer[RECORD_HEAD as usize..]) else {
+        return Ok(None);
+    };
+    let Some(length) = start.checked_sub(record.summary_start) else {
+        return Ok(None);
+    };
+    if magic != MAGIC || record.summary_start == 0 || length > LONGEST_SMALL_RECORD {
+        return Ok(None);
+    }
+    let mut summary = vec![0; length as usize];
+    file.seek(SeekFrom::Start(record.summary_start))?;
+    file.read_exact(&mut summary)?;
+    // The sum goes as far as the footer's own fields before it.
+    let mut sum = crc32fast::Hasher::new();
+    sum.update(&summary);
+    sum.update(&footer[..FOOTER as usize - 4]);
+    let is_good = record.summary_crc == 0 || record.summary_crc == sum.finalize();
+    Ok(is_good.then_some(summary))
+}
+
 /// Opcode and body of the record at this place; `None` where there is no whole record.
 fn head_at(file: &mut File, start: u64, len: u64) -> io::Result<Option<(u8, Range<u64>)>> {
     let mut head = [0; RECORD_HEAD as usize];
@@ -330,7 +330,7 @@ fn record_at(file: &mut File, start: u64, len: u64) -> io::Result<Option<Record<
     }
     let mut bytes = vec![0; (body.end - body.start) as usize];
     file.read_exact(&mut bytes)?;
-    Ok(parse_record(opcode, &bytes).ok().map(Record::into_owned))
+    Ok(parse(opcode, &bytes).ok().map(Record::into_owned))
 }
 
 /// The index of the attachment at this place; `None` when it is not sound.
@@ -345,6 +345,9 @@ fn attachment_index(
     let mut bytes = vec![0; (length - RECORD_HEAD) as usize];
     file.seek(SeekFrom::Start(offset + RECORD_HEAD))?;
     file.read_exact(&mut bytes)?;
+    if !is_whole(op::ATTACHMENT, &bytes) {
+        return Ok(None);
+    }
     let mut read = io::Cursor::new(&bytes);
     let header: Result<records::AttachmentHeader, _> = BinRead::read_le(&mut read);
     let data_size = u64::read_le(&mut read);
@@ -379,6 +382,9 @@ fn chunk_index(
     let mut bytes = vec![0; (length - RECORD_HEAD).min(64) as usize];
     file.seek(SeekFrom::Start(start + RECORD_HEAD))?;
     file.read_exact(&mut bytes)?;
+    if !is_whole(op::CHUNK, &bytes) {
+        return Ok(None);
+    }
     let header: Result<records::ChunkHeader, _> = BinRead::read_le(&mut io::Cursor::new(&bytes));
     let Ok(header) = header else { return Ok(None) };
     let head = 8 + 8 + 8 + 4 + 4 + header.compression.len() as u64 + 8;
@@ -440,7 +446,7 @@ impl Chunk {
                     chunk.offsets.push((place - start) as u64);
                 }
                 op::SCHEMA | op::CHANNEL => {
-                    let record = parse_record(opcode, &bytes[body])?.into_owned();
+                    let record = parse(opcode, &bytes[body])?.into_owned();
                     chunk.definitions.push(record);
                 }
                 _ => {}
@@ -522,6 +528,12 @@ fn unpacked(
     packed.reserve(length as usize);
     file.take(length).read_to_end(&mut packed)?;
     if packed.len() as u64 != index.chunk_length {
+        return Err(McapError::UnexpectedEof);
+    }
+    if !packed
+        .get(RECORD_HEAD as usize..)
+        .is_some_and(|body| is_whole(op::CHUNK, body))
+    {
         return Err(McapError::UnexpectedEof);
     }
     let mut read = io::Cursor::new(&packed);

@@ -14,6 +14,7 @@ use mcap::records::ChunkIndex;
 use thiserror::Error;
 
 use super::file::{Chunk, Contents, FileSchema, RECORD_HEAD, first_sequence};
+use super::layout::parse;
 use super::metadata::Metadata;
 use super::metadata::{Identity, LEDGER, MetadataError, NAME, ScanOrder, ledger};
 use super::parts::{count_parts, part_path, stray_parts};
@@ -704,7 +705,7 @@ fn attachment_at(
     let mut body = Vec::new();
     let length = index.length.saturating_sub(RECORD_HEAD);
     file.by_ref().take(length).read_to_end(&mut body)?;
-    match mcap::parse_record(mcap::records::op::ATTACHMENT, &body)? {
+    match parse(mcap::records::op::ATTACHMENT, &body)? {
         mcap::records::Record::Attachment { header, data, .. } => Ok(Attachment {
             log_time: header.log_time,
             create_time: header.create_time,
