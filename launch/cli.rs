@@ -36,6 +36,8 @@ pub(crate) enum Command {
     Filter(Filter),
     /// Write a recording's results as CSV, PFM, PLY and pictures
     Export(Export),
+    /// Compare results with the truth of scenes: coverage, errors, mismatches
+    Evaluate(Evaluate),
     /// Check a graph file, and print the configuration it amounts to
     Validate(GraphFile),
     /// Print a graph as a Mermaid diagram
@@ -159,6 +161,7 @@ pub(crate) enum StageArg {
     Track,
     Hough,
     Match,
+    Evaluate,
 }
 
 impl From<StageArg> for Stage {
@@ -169,6 +172,7 @@ impl From<StageArg> for Stage {
             StageArg::Track => Self::Track,
             StageArg::Hough => Self::Hough,
             StageArg::Match => Self::Match,
+            StageArg::Evaluate => Self::Evaluate,
         }
     }
 }
@@ -209,7 +213,7 @@ pub(crate) struct Replay {
     #[arg(long, value_enum, default_value = "capture", value_name = "STAGE")]
     pub(crate) from: StageArg,
     /// The last stage that computes
-    #[arg(long, value_enum, default_value = "match", value_name = "STAGE")]
+    #[arg(long, value_enum, default_value = "evaluate", value_name = "STAGE")]
     pub(crate) to: StageArg,
     /// Play in the recording's own time, this many times as fast; without it, as fast as the graph goes
     #[arg(long, value_name = "R", conflicts_with = "lockstep")]
@@ -355,6 +359,68 @@ pub(crate) struct Export {
     /// Pictures of every view and channel: zero-crossings, orientation, curves, disparity
     #[arg(long, value_name = "FOLDER")]
     pub(crate) png: Option<PathBuf>,
+}
+
+/// The view results refer to, as on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ReferenceArg {
+    Left,
+    Centre,
+    Right,
+}
+
+impl ReferenceArg {
+    /// Its name in graph files.
+    pub(crate) fn as_str(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Centre => "centre",
+            Self::Right => "right",
+        }
+    }
+}
+
+/// The rivals of the method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MethodArg {
+    /// Zero-crossings one by one, in two views
+    Point,
+    /// Curves in two views
+    TwoView,
+}
+
+impl From<MethodArg> for matching::Method {
+    fn from(method: MethodArg) -> Self {
+        match method {
+            MethodArg::Point => Self::Point,
+            MethodArg::TwoView => Self::TwoView,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Evaluate {
+    /// scene:all, folders of scenes with their truth (scene.json, or as Middlebury hands them out), or folders of such
+    #[arg(required = true, value_name = "SPEC")]
+    pub(crate) sources: Vec<String>,
+    /// Which three of each scene's views, left to right
+    #[arg(long, value_delimiter = ',', value_name = "1,3,5")]
+    pub(crate) views: Option<Vec<u32>>,
+    /// Which of them results refer to
+    #[arg(long, value_enum)]
+    pub(crate) reference: Option<ReferenceArg>,
+    /// Which rival methods are evaluated too
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "point,two-view")]
+    pub(crate) against: Vec<MethodArg>,
+    /// Which settings to start from
+    #[arg(long, value_enum, default_value = "default")]
+    pub(crate) profile: Profile,
+    /// Set one key of one node
+    #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]

@@ -2,6 +2,7 @@
 
 mod clean;
 mod completions;
+mod evaluate;
 mod export;
 mod graph;
 mod info;
@@ -26,6 +27,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Filter(args) => rewrite::filter(&args),
         Command::Info(args) => info::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Graph(args) => graph::run(&args),
         Command::Clean => clean::run(),

@@ -133,10 +133,13 @@ impl Graph {
                 "a graph needs one place where scans come in: {sources}"
             ));
         }
+        // Whether there is a truth the source alone knows.
         let makes = |kind: Kind| {
-            self.nodes
-                .iter()
-                .any(|(n, settings)| (n.makes)(settings).contains(&kind))
+            kind == Kind::Truth
+                || self
+                    .nodes
+                    .iter()
+                    .any(|(n, settings)| (n.makes)(settings).contains(&kind))
         };
         let links = self
             .nodes
@@ -193,6 +196,11 @@ impl Graph {
         found.map_or(&Value::Null, |(_, settings)| settings)
     }
 
+    /// Leaves a node out for which there is nothing to do.
+    pub(crate) fn remove(&mut self, name: &str) {
+        self.nodes.retain(|(node, _)| node.name != name);
+    }
+
     /// Fills in a setting that only the run knows.
     pub(crate) fn fill_in(&mut self, name: &str, key: &str, value: impl Into<Value>) {
         if let Some((_, Value::Object(settings))) =
@@ -209,6 +217,29 @@ impl Graph {
             nodes.any(|(node, settings)| (node.takes)(settings).contains(kind))
         };
         Kind::ALL.into_iter().filter(takes).collect()
+    }
+
+    /// The filter's channels, coarse to fine.
+    pub(crate) fn channels(&self) -> Result<Vec<f32>, Failure> {
+        let channels = self.settings_of("filter").get("channels");
+        let channels: Vec<f32> =
+            serde_json::from_value(channels.cloned().unwrap_or_default()).map_err(Failure::usage)?;
+        if channels.is_empty() || !channels.is_sorted_by(|a, b| a > b) {
+            let text = format!(
+                "filter.channels must go from coarse to fine, each smaller than the last, not {channels:?}"
+            );
+            return Err(Failure::usage(text));
+        }
+        Ok(channels)
+    }
+
+    /// The view that results refer to, counted from 0.
+    pub(crate) fn reference(&self) -> usize {
+        let reference = self.settings_of("match").get("reference");
+        let reference = reference.and_then(Value::as_str).unwrap_or_default();
+        let views = ["left", "centre", "right"];
+        let view = views.iter().position(|view| *view == reference);
+        view.unwrap_or_default()
     }
 
     /// The nodes, as they need to know each other.

@@ -23,6 +23,7 @@ mod graph;
 mod keys;
 mod launcher;
 mod node;
+mod offline;
 mod progress;
 mod registry;
 mod rundir;

@@ -59,7 +59,7 @@ macro_rules! node {
 /// All kinds of node, in the order of the pipe.
 pub(crate) const NODES: &[NodeType] = &[
     node!("capture", capture, "where scans come from",
-        takes |_| Stage::Capture.takes().to_vec(), makes |_| Stage::Capture.makes().collect(), finishes false, thesis capture::Settings::default()),
+        takes |_| Stage::Capture.takes().to_vec(), makes captured, finishes false, thesis capture::Settings::default()),
     node!("replay", replay, "a recording in place of the stages before the cut",
         takes |_| vec![], makes replayed, finishes false, thesis replay::Settings::default()),
     node!("filter", filter, "Laplacian of Gaussian, zero-crossings, gradients",
@@ -70,11 +70,19 @@ pub(crate) const NODES: &[NodeType] = &[
         takes |_| Stage::Hough.takes().to_vec(), makes |_| Stage::Hough.makes().collect(), finishes false, thesis hough::Settings::thesis()),
     node!("match", matching, "R-tables become matches, disparities and points",
         takes |_| Stage::Match.takes().to_vec(), makes |_| Stage::Match.makes().collect(), finishes true, thesis matching::Settings::thesis()),
+    node!("evaluate", evaluate, "points against the truth, where the source knows it",
+        takes |_| Stage::Evaluate.takes().to_vec(), makes |_| Stage::Evaluate.makes().collect(), finishes true, thesis evaluate::Settings::default()),
     node!("record", record, "every topic into MCAP",
         takes recorded, makes |_| vec![], finishes true, thesis record::Settings::default()),
     node!("verify", replay::verify, "compares what is computed with what was recorded",
         takes verified, makes |_| vec![], finishes true, thesis replay::verify::Settings::default()),
 ];
+
+fn captured(settings: &Value) -> Vec<Kind> {
+    parse::<capture::Settings>(settings)
+        .unwrap_or_default()
+        .makes()
+}
 
 fn recorded(settings: &Value) -> Vec<Kind> {
     record::taken_kinds(&parse::<record::Settings>(settings).unwrap_or_default())

@@ -25,10 +25,19 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         crate::say!("replay: {note}");
     }
     let from = Stage::from(args.from);
-    check_cut(&source, from, Stage::from(args.to)).map_err(Failure::failed)?;
+    let stages = computing(&source, from, Stage::from(args.to));
+    check_cut(&source, from, &stages).map_err(Failure::failed)?;
     let (first, end) = range(args, &source);
     let recorded = &source.metadata().configuration;
-    let mut graph = graph(args, from, first, end, &path, recorded)?;
+    let mut graph = graph(args, &stages, first, end, &path, recorded)?;
+    let is_other = |name: &str, key: &str| {
+        let then = recorded.get(name).and_then(|table| table.get(key));
+        graph.has(name) && graph.settings_of(name).get(key) != then
+    };
+    if graph.has("evaluate") && is_other("match", "reference") {
+        crate::say!("replay: the recorded truth is of another reference view: nothing is evaluated");
+        graph.remove("evaluate");
+    }
     let choice = Choice {
         from,
         taken: graph.taken(),
@@ -119,22 +128,31 @@ fn not_held(source: &Recording, from: Stage) -> Vec<Kind> {
     kinds
 }
 
+/// The stages that compute: those of the recording's own graph from the cut on, and no evaluation without a truth.
+fn computing(source: &Recording, from: Stage, to: Stage) -> Vec<Stage> {
+    let knows_truth = !not_held(source, from).contains(&Kind::Truth);
+    let configuration = &source.metadata().configuration;
+    let computes = |stage: &Stage| {
+        (from..=to).contains(stage)
+            && configuration.get(stage.name()).is_some()
+            && (*stage != Stage::Evaluate || knows_truth)
+    };
+    Stage::ALL.into_iter().skip(1).filter(computes).collect()
+}
+
 /// The recording's own graph, from the cut on.
 fn graph(
     args: &Args,
-    from: Stage,
+    stages: &[Stage],
     first: u64,
     end: Option<u64>,
     path: &Path,
     recorded: &Value,
 ) -> Result<Graph, Failure> {
-    let to = Stage::from(args.to);
+    let from = Stage::from(args.from);
     let mut tables = Map::new();
-    let stages = Stage::ALL
-        .into_iter()
-        .skip(1)
-        .filter(|stage| (from..=to).contains(stage));
-    for name in stages.map(Stage::name).chain(["graph"]) {
+    let names = stages.iter().map(|stage| stage.name());
+    for name in names.chain(["graph"]) {
         if let Some(table) = recorded.get(name) {
             tables.insert(name.to_owned(), without_nulls(table));
         }
@@ -228,7 +246,7 @@ fn rig(graph: &Graph, source: &Recording) -> Result<Rig, Failure> {
     if !graph.has("filter") {
         return Ok(recorded.clone());
     }
-    let channels = super::run::channels(graph)?;
+    let channels = graph.channels()?;
     let same = Rig::of_views(recorded.views.len(), &channels, recorded.size);
     Ok(Rig {
         channels: same.channels,

@@ -31,6 +31,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         graph.fill_in("capture", "start", now_nanos());
     }
     let source = open_source(&graph)?;
+    settle_truth(&mut graph, &source);
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;
     say_notices(&source);
@@ -116,6 +117,18 @@ fn open_source(graph: &Graph) -> Result<Source, Failure> {
     })
 }
 
+/// Lets results be evaluated where the source knows the truth, and nowhere else.
+fn settle_truth(graph: &mut Graph, source: &Source) {
+    let view = graph.reference();
+    if !graph.has("match") || !source.knows_truth(view) {
+        graph.remove("evaluate");
+    }
+    if graph.has("evaluate") {
+        graph.fill_in("capture", "truth", view);
+        graph.fill_in("evaluate", "view", view);
+    }
+}
+
 fn say_notices(source: &Source) {
     for notice in source.notices() {
         crate::say!("capture: {notice}");
@@ -125,25 +138,8 @@ fn say_notices(source: &Source) {
     }
 }
 
-/// The filter's channels, coarse to fine.
-pub(super) fn channels(graph: &Graph) -> Result<Vec<f32>, Failure> {
-    let channels = graph
-        .settings_of("filter")
-        .get("channels")
-        .cloned()
-        .unwrap_or_default();
-    let channels: Vec<f32> = serde_json::from_value(channels).map_err(Failure::usage)?;
-    if channels.is_empty() || !channels.is_sorted_by(|a, b| a > b) {
-        let text = format!(
-            "filter.channels must go from coarse to fine, each smaller than the last, not {channels:?}"
-        );
-        return Err(Failure::usage(text));
-    }
-    Ok(channels)
-}
-
 fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {
-    let channels = channels(graph)?;
+    let channels = graph.channels()?;
     let count = source.view_count();
     if count != 3 {
         let text =

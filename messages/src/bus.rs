@@ -113,7 +113,9 @@ impl Run {
     pub fn worst_case_bytes(&self) -> u64 {
         let size = self.rig.size;
         let words = |kind| AnyView::words(kind, size) as u64 * 8;
-        let scan: u64 = Topic::all(&self.rig).iter().map(|t| words(t.kind)).sum();
+        let topics = self.kinds().into_iter();
+        let topics = topics.flat_map(|kind| Topic::of(&self.rig, kind));
+        let scan: u64 = topics.map(|topic| words(topic.kind)).sum();
         scan * self.in_flight as u64
     }
 }

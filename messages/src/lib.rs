@@ -31,9 +31,10 @@ pub use calibration::Calibration;
 pub use header::{Header, NONE, Size};
 pub use payload::{
     AnyView, Curve, Curves, CurvesRoom, CurvesView, Difference, Disparity, DisparityRoom,
-    DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Image, ImageRoom, ImageView, List,
-    Match, MatchPoint, Matches, MatchesRoom, MatchesView, Message, Owned, Point, Points,
-    PointsRoom, PointsView, Table, Tables, TablesRoom, TablesView,
+    DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom,
+    EvaluationView, Image, ImageRoom, ImageView, List, Match, MatchPoint, Matches, MatchesRoom,
+    MatchesView, Message, Owned, Point, Points, PointsRoom, PointsView, Score, Share, Table,
+    Tables, TablesRoom, TablesView, Truth, TruthRoom, TruthView,
 };
 pub use rig::{Delivery, Rig, View};
 pub use topic::{Kind, Stage, Topic};

@@ -173,6 +173,55 @@ pub struct Point {
     pub channel: u32,
 }
 
+/// How points compare with the truth: those of the scan's result, or of one channel's matches.
+///
+/// A point's error is the least difference to the truth of its row within two pixels: at an occluding contour a
+/// zero-crossing may lie on either surface.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Score {
+    /// Index of the channel, or [`NONE`](crate::NONE) for the scan's result.
+    pub channel: u32,
+    /// Edge pixels of the reference view (Canny) whose disparity is known.
+    pub edges: u32,
+    /// Those of them that have a point within one pixel.
+    pub covered: u32,
+    /// Points whose true disparity is known.
+    pub points: u32,
+    /// Points whose error exceeds half a pixel.
+    pub over_half: u32,
+    /// Points whose error exceeds one pixel.
+    pub over_one: u32,
+    /// Points whose error exceeds two pixels.
+    pub over_two: u32,
+    /// Points that differ by over two pixels from every truth within two rows and columns: false targets.
+    pub mismatches: u32,
+    /// Share of the edge pixels that are covered.
+    pub coverage: f32,
+    /// Share of the points whose error exceeds half a pixel.
+    pub bad_half: f32,
+    /// Share of the points whose error exceeds one pixel.
+    pub bad_one: f32,
+    /// Share of the points whose error exceeds two pixels.
+    pub bad_two: f32,
+    /// Median of the errors, in pixels.
+    pub median: f32,
+}
+
+/// A point of the curve of error over coverage: what the surest points amount to.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Share {
+    /// Which share of all points is kept, the surest.
+    pub share: f32,
+    /// The least score of those kept.
+    pub score: f32,
+    /// Share of the edge pixels that they cover.
+    pub coverage: f32,
+    /// Share of them whose error exceeds one pixel.
+    pub bad_one: f32,
+}
+
 /// A list with fixed room, filled in place.
 #[derive(Debug)]
 pub struct List<'a, T> {
@@ -446,6 +495,14 @@ message! {
 }
 
 message! {
+    /// The true disparities of the reference view, pixels between neighbouring views; NaN where unknown.
+    Truth, TruthView, TruthRoom {
+        /// `height` rows of `width` values.
+        disparity: f32 = |size| size.pixels(),
+    }
+}
+
+message! {
     /// The zero-crossings of a view in a channel, in raster order.
     Edges, EdgesView, EdgesRoom {
         /// At most one a pixel.
@@ -501,6 +558,16 @@ message! {
     Points, PointsView, PointsRoom {
         /// Row by row, left to right.
         points: Point = |size| size.pixels() + size.pixels() / 2,
+    }
+}
+
+message! {
+    /// How a scan's points compare with the truth.
+    Evaluation, EvaluationView, EvaluationRoom {
+        /// First the scan's result, then each channel's matches, coarse to fine.
+        scores: Score = |_size| 64,
+        /// The result's error over its coverage, the surest points first.
+        curve: Share = |_size| 64,
     }
 }
 
@@ -563,12 +630,14 @@ macro_rules! any_view {
 
 any_view! {
     Image(ImageView)
+    Truth(TruthView)
     Edges(EdgesView)
     Curves(CurvesView)
     Tables(TablesView)
     Matches(MatchesView)
     Disparity(DisparityView)
     Points(PointsView)
+    Evaluation(EvaluationView)
 }
 
 impl AnyView<'_> {
@@ -578,7 +647,12 @@ impl AnyView<'_> {
             Self::Curves(curves) => curves.is_sound(),
             Self::Tables(tables) => tables.is_sound(usize::MAX),
             Self::Matches(matches) => matches.is_sound(),
-            Self::Image(_) | Self::Edges(_) | Self::Disparity(_) | Self::Points(_) => true,
+            Self::Image(_)
+            | Self::Truth(_)
+            | Self::Edges(_)
+            | Self::Disparity(_)
+            | Self::Points(_)
+            | Self::Evaluation(_) => true,
         }
     }
 }

@@ -19,16 +19,19 @@ pub enum Stage {
     Hough,
     /// R-tables become matches, disparities and points.
     Match,
+    /// Points are compared with the truth, where it is known.
+    Evaluate,
 }
 
 impl Stage {
     /// All of them, in order.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Capture,
         Self::Filter,
         Self::Track,
         Self::Hough,
         Self::Match,
+        Self::Evaluate,
     ];
 
     /// The stage's name, which is its node's.
@@ -39,6 +42,7 @@ impl Stage {
             Self::Track => "track",
             Self::Hough => "hough",
             Self::Match => "match",
+            Self::Evaluate => "evaluate",
         }
     }
 
@@ -50,6 +54,7 @@ impl Stage {
             Self::Track => &[Kind::Edges],
             Self::Hough => &[Kind::Curves],
             Self::Match => &[Kind::Curves, Kind::Tables],
+            Self::Evaluate => &[Kind::Image, Kind::Truth, Kind::Matches, Kind::Points],
         }
     }
 
@@ -67,6 +72,8 @@ impl Stage {
 pub enum Kind {
     /// Frames, one topic a view.
     Image,
+    /// True disparities of the reference view, one topic, where the source knows them.
+    Truth,
     /// Zero-crossings, one topic a view and channel.
     Edges,
     /// Curves, one topic a view and channel.
@@ -79,28 +86,33 @@ pub enum Kind {
     Disparity,
     /// The points in space, one topic.
     Points,
+    /// How the points compare with the truth, one topic.
+    Evaluation,
 }
 
 impl Kind {
     /// All of them, in the order a scan makes them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Image,
+        Self::Truth,
         Self::Edges,
         Self::Curves,
         Self::Tables,
         Self::Matches,
         Self::Disparity,
         Self::Points,
+        Self::Evaluation,
     ];
 
     /// The stage that publishes it.
     pub const fn stage(self) -> Stage {
         match self {
-            Self::Image => Stage::Capture,
+            Self::Image | Self::Truth => Stage::Capture,
             Self::Edges => Stage::Filter,
             Self::Curves => Stage::Track,
             Self::Tables => Stage::Hough,
             Self::Matches | Self::Disparity | Self::Points => Stage::Match,
+            Self::Evaluation => Stage::Evaluate,
         }
     }
 
@@ -124,12 +136,14 @@ impl Kind {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Image => "image",
+            Self::Truth => "truth",
             Self::Edges => "edges",
             Self::Curves => "curves",
             Self::Tables => "tables",
             Self::Matches => "matches",
             Self::Disparity => "disparity",
             Self::Points => "points",
+            Self::Evaluation => "evaluation",
         }
     }
 }
@@ -154,7 +168,11 @@ impl Topic {
             Kind::Edges | Kind::Curves | Kind::Tables => {
                 format!("{}/{}", kind.name(), rig.views[view as usize].name)
             }
-            Kind::Matches | Kind::Disparity | Kind::Points => kind.name().to_owned(),
+            Kind::Truth
+            | Kind::Matches
+            | Kind::Disparity
+            | Kind::Points
+            | Kind::Evaluation => kind.name().to_owned(),
         };
         if channel != NONE {
             name = format!("{name}/{}", rig.channels[channel as usize]);
@@ -199,7 +217,7 @@ mod tests {
     fn topics_are_named_by_kind_view_and_channel() {
         let rig = Rig::of_views(3, &[30.0, 1.5], Size::new(64, 64));
         let names: Vec<String> = Topic::all(&rig).into_iter().map(|t| t.name).collect();
-        assert_eq!(names.len(), 3 + 3 * 6 + 2 + 2);
+        assert_eq!(names.len(), 3 + 3 * 6 + 2 + 4);
         for name in [
             "camera/left/image",
             "edges/centre/30",

@@ -8,8 +8,9 @@ use foxglove::messages as fg;
 use messages::payload::SECTIONS;
 use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Said, Span, Views};
 use messages::{
-    AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Header, Image,
-    Kind, List, Match, Matches, Owned, Points, Rig, Size, Table, Tables, Topic,
+    AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Evaluation,
+    Header, Image, Kind, List, Match, Matches, Owned, Points, Rig, Size, Table, Tables, Topic,
+    Truth,
 };
 
 /// Numbers that look random and never change.
@@ -87,6 +88,8 @@ sample! {
     };
     Disparity { disparity } |_| {};
     Points { points } |_| {};
+    Truth { disparity } |_| {};
+    Evaluation { scores curve } |_| {};
 }
 
 /// A message of this topic: `share` says how full it is.
@@ -94,7 +97,7 @@ fn sample<M: Sample>(random: &mut Random, topic: &Topic, size: Size, full: bool)
     let rig = rig();
     let mut message = Owned::<M>::new(rig.size);
     let mut lens = M::capacities(size);
-    if !full && !matches!(M::KIND, Kind::Image | Kind::Disparity) {
+    if !full && !matches!(M::KIND, Kind::Image | Kind::Truth | Kind::Disparity) {
         lens = lens.map(|most| random.below(most + 1));
     }
     message.fill(|room| M::fill(random, lens, room));
@@ -166,6 +169,8 @@ macro_rules! for_every_topic {
                 Kind::Matches => with!(Matches),
                 Kind::Disparity => with!(Disparity),
                 Kind::Points => with!(Points),
+                Kind::Truth => with!(Truth),
+                Kind::Evaluation => with!(Evaluation),
             }
         }
     };

@@ -5,7 +5,10 @@
 
 use libfuzzer_sys::fuzz_target;
 use messages::record::{Codec, Recorded, Said};
-use messages::{Curves, Disparity, Edges, Image, Kind, Matches, Points, Rig, Size, Tables, Topic};
+use messages::{
+    Curves, Disparity, Edges, Evaluation, Image, Kind, Matches, Points, Rig, Size, Tables, Topic,
+    Truth,
+};
 
 fn decode<M: Recorded>(codec: &Codec, topic: &Topic, bytes: &[u8], beside: &[u8]) {
     let others = |_: Kind| (!beside.is_empty()).then_some(Said::Recorded(beside));
@@ -31,5 +34,7 @@ fuzz_target!(|data: &[u8]| {
         Kind::Matches => decode::<Matches>(&codec, &topic, bytes, beside),
         Kind::Disparity => decode::<Disparity>(&codec, &topic, bytes, beside),
         Kind::Points => decode::<Points>(&codec, &topic, bytes, beside),
+        Kind::Truth => decode::<Truth>(&codec, &topic, bytes, beside),
+        Kind::Evaluation => decode::<Evaluation>(&codec, &topic, bytes, beside),
     }
 });

@@ -11,8 +11,8 @@ use super::wire::{Fields, Fill, Value, varint_len};
 use crate::header::{Header, NONE, Size};
 use crate::payload::{
     AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edge, Edges, EdgesRoom,
-    EdgesView, Entry, Image, ImageRoom, List, Matches, MatchesRoom, MatchesView, Message, Owned,
-    Points, PointsRoom, Tables, TablesRoom, TablesView,
+    EdgesView, Entry, Evaluation, EvaluationRoom, Image, ImageRoom, List, Matches, MatchesRoom, MatchesView, Message, Owned,
+    Points, PointsRoom, Tables, TablesRoom, TablesView, Truth, TruthRoom,
 };
 use crate::topic::{Kind, Topic};
 
@@ -82,6 +82,12 @@ impl Codec {
             AnyView::Matches(matches) => matches_message(&head, matches, out),
             AnyView::Disparity(picture) => raw_image(&head, "32FC1", picture.disparity, out),
             AnyView::Points(points) => cloud(&head, points.points, out),
+            AnyView::Truth(truth) => raw_image(&head, "32FC1", truth.disparity, out),
+            AnyView::Evaluation(evaluation) => {
+                own_head(&head, out);
+                messages(5, evaluation.scores, out);
+                messages(6, evaluation.curve, out);
+            }
         }
     }
 
@@ -264,6 +270,21 @@ impl Recorded for Image {
         room: &mut ImageRoom<'_>,
     ) -> Result<Size, DecodeError> {
         read_raw_image(bytes, most, "mono8", &mut room.pixels)
+    }
+
+    fn is_sound(_: Self::View<'_>) -> bool {
+        true
+    }
+}
+
+impl Recorded for Truth {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        _: Others<'_, 'a>,
+        room: &mut TruthRoom<'_>,
+    ) -> Result<Size, DecodeError> {
+        read_raw_image(bytes, most, "32FC1", &mut room.disparity)
     }
 
     fn is_sound(_: Self::View<'_>) -> bool {
@@ -590,6 +611,26 @@ impl Recorded for Matches {
 
     fn is_sound(view: Self::View<'_>) -> bool {
         view.is_sound()
+    }
+}
+
+impl Recorded for Evaluation {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        _: Others<'_, 'a>,
+        room: &mut EvaluationRoom<'_>,
+    ) -> Result<Size, DecodeError> {
+        room.clear();
+        read_own(bytes, most, |number, value| match number {
+            5 => read_message(value.bytes()?, &mut room.scores),
+            6 => read_message(value.bytes()?, &mut room.curve),
+            _ => Ok(()),
+        })
+    }
+
+    fn is_sound(_: Self::View<'_>) -> bool {
+        true
     }
 }
 

@@ -4,7 +4,7 @@ use std::mem::offset_of;
 
 use bytemuck::Pod;
 
-use crate::payload::{Curve, Edge, Entry, Match, MatchPoint, Point, Table};
+use crate::payload::{Curve, Edge, Entry, Match, MatchPoint, Point, Score, Share, Table};
 
 /// What a member is; the values are those of `foxglove.PackedElementField`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,6 +122,29 @@ row! { Point {
     channel: Uint32 = channel,
 } }
 
+row! { Score {
+    channel: Uint32 = channel,
+    edges: Uint32 = edges,
+    covered: Uint32 = covered,
+    points: Uint32 = points,
+    over_half: Uint32 = over_half,
+    over_one: Uint32 = over_one,
+    over_two: Uint32 = over_two,
+    mismatches: Uint32 = mismatches,
+    coverage: Float32 = coverage,
+    bad_half: Float32 = bad_half,
+    bad_one: Float32 = bad_one,
+    bad_two: Float32 = bad_two,
+    median: Float32 = median,
+} }
+
+row! { Share {
+    share: Float32 = share,
+    score: Float32 = score,
+    coverage: Float32 = coverage,
+    bad_one: Float32 = bad_one,
+} }
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,6 +168,8 @@ mod tests {
         tells_all::<Match>();
         tells_all::<MatchPoint>();
         tells_all::<Point>();
+        tells_all::<Score>();
+        tells_all::<Share>();
     }
 
     /// As a message of its own, word n of the type is field n + 1.
@@ -164,5 +189,7 @@ mod tests {
         is_words::<Curve>();
         is_words::<Table>();
         is_words::<Match>();
+        is_words::<Score>();
+        is_words::<Share>();
     }
 }

@@ -10,7 +10,7 @@ use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, Fi
 use serde_json::json;
 
 use super::row::{Number, Row};
-use crate::payload::{Curve, Match, Table};
+use crate::payload::{Curve, Match, Score, Share, Table};
 use crate::topic::Kind;
 
 /// What a file says about a kind of message.
@@ -37,11 +37,12 @@ impl Schema {
     /// The schema of a kind of data.
     pub fn of(kind: Kind) -> Self {
         match kind {
-            Kind::Image | Kind::Disparity => Self::image(),
+            Kind::Image | Kind::Truth | Kind::Disparity => Self::image(),
             Kind::Edges | Kind::Points => Self::cloud(),
             Kind::Curves => Self::own("Curves"),
             Kind::Tables => Self::own("Tables"),
             Kind::Matches => Self::own("Matches"),
+            Kind::Evaluation => Self::own("Evaluation"),
         }
     }
 
@@ -245,6 +246,12 @@ impl Schema {
                 with_head(
                     "Matches",
                     &[many("matches", 5, Match::NAME), packed("points", 6)],
+                ),
+                row::<Score>(),
+                row::<Share>(),
+                with_head(
+                    "Evaluation",
+                    &[many("scores", 5, Score::NAME), many("curve", 6, Share::NAME)],
                 ),
             ],
             ..FileDescriptorProto::default()

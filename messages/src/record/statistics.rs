@@ -19,6 +19,9 @@ pub struct Milliseconds {
     pub hough: f64,
     /// To match its curves.
     pub r#match: f64,
+    /// To compare its points with the truth.
+    #[serde(default)]
+    pub evaluate: f64,
 }
 
 /// What there is to plot of a scan.
@@ -55,7 +58,8 @@ impl Statistics {
         let milliseconds = header.elapsed_nanos as f64 / 1e6;
         let spent = &mut self.milliseconds;
         match view {
-            AnyView::Image(_) => spent.capture += milliseconds,
+            AnyView::Image(_) | AnyView::Truth(_) => spent.capture += milliseconds,
+            AnyView::Evaluation(_) => spent.evaluate += milliseconds,
             AnyView::Edges(edges) => {
                 spent.filter += milliseconds;
                 self.edges += edges.edges.len() as u64;

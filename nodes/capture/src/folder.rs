@@ -10,6 +10,8 @@ use messages::Size;
 use crate::description::Description;
 use crate::error::SourceError;
 use crate::image_file::{self, Head};
+use crate::middlebury;
+use crate::truth::{Encoding, TruthFile};
 
 /// The images of one scene, in a folder.
 #[derive(Clone, Debug)]
@@ -35,7 +37,7 @@ pub(crate) struct Album {
 pub(crate) struct Shot {
     pub(crate) path: PathBuf,
     pub(crate) position: f64,
-    pub(crate) truth: Option<PathBuf>,
+    pub(crate) truth: Option<TruthFile>,
 }
 
 /// Which views were chosen, and why these.
@@ -185,8 +187,19 @@ fn album(folder: &Path, listing: &Listing, asked: &[u32]) -> Result<Option<Album
                 .into_iter()
                 .map(|triple| triple.views)
                 .find(|views| views.len() >= 3),
-            own.ground_truth,
+            own.ground_truth
+                .into_iter()
+                .map(|truth| {
+                    let path = folder.join(&truth.file);
+                    let encoding = Encoding::Deep;
+                    (truth.view as usize, TruthFile { path, encoding })
+                })
+                .collect(),
         ),
+        None if let Some(layout) = middlebury::layout(folder)? => {
+            let positions = (0..layout.files.len()).map(|i| i as f64).collect();
+            (layout.files, positions, None, layout.truths)
+        }
         None if listing.images.is_empty() => return Ok(None),
         None => (
             listing.images.clone(),
@@ -208,8 +221,8 @@ fn album(folder: &Path, listing: &Listing, asked: &[u32]) -> Result<Option<Album
         position: positions[view as usize],
         truth: truths
             .iter()
-            .find(|truth| truth.view == view)
-            .map(|truth| folder.join(&truth.file)),
+            .find(|(known, _)| *known == view as usize)
+            .map(|(_, truth)| truth.clone()),
     };
     let shots: Vec<Shot> = choice.views.iter().map(shot).collect();
     let heads = shots

@@ -69,6 +69,21 @@ pub(crate) fn deep_pixels(path: &Path) -> Result<Option<(Size, Vec<u16>)>, Sourc
     }
 }
 
+/// Decodes an 8-bit gray image as it is; `None` for one of any other depth or in colour.
+pub(crate) fn gray_pixels(path: &Path) -> Result<Option<(Size, Vec<u8>)>, SourceError> {
+    let (decoder, _) = open(path, None)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(unreadable(path, None))?;
+    let size = Size::new(image.width(), image.height());
+    Ok(match image {
+        DynamicImage::ImageLuma8(image) => Some((size, image.into_raw())),
+        // Some sets hold their gray levels three times over.
+        DynamicImage::ImageRgb8(image) if image.pixels().all(|p| p[0] == p[1] && p[0] == p[2]) => {
+            Some((size, image.pixels().map(|p| p[0]).collect()))
+        }
+        _ => None,
+    })
+}
+
 fn open(
     path: &Path,
     scan: Option<u64>,

@@ -15,6 +15,7 @@ mod description;
 mod error;
 mod folder;
 mod image_file;
+mod middlebury;
 #[cfg(feature = "node")]
 pub mod node;
 mod scene;

@@ -1,10 +1,11 @@
 //! The shell on the bus: `source ─► door ─► images`, a scan at a time.
 
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use messages::bus::{Bus, BusError, Filled, Gate, Loan, Outputs, Request, Start};
 use messages::door::UnderWay;
-use messages::{Delivery, Header, Image, Kind, NONE, Rig};
+use messages::{Delivery, Header, Image, NONE, Rig};
 
 use crate::{Settings, Source, SourceError};
 
@@ -32,7 +33,8 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
     let total = source.scans();
     let mut capture = Capture {
         source,
-        images: bus.outputs(&[Kind::Image])?,
+        images: bus.outputs(&settings.makes())?,
+        truths: VecDeque::new(),
         gate: bus.gate(&start.resume, Some(total))?,
         rig: bus.run().rig.clone(),
         start_nanos: settings.start.unwrap_or_default(),
@@ -94,20 +96,28 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
 struct Capture {
     source: Source,
     images: Outputs,
+    /// The truth of the scenes read last, by scene.
+    truths: VecDeque<(u64, Vec<f32>)>,
     gate: Gate,
     rig: Rig,
     start_nanos: u64,
     settings: Settings,
 }
 
-/// The images of one scan, read but not sent: a scan goes out whole or not at all.
-type Loans = Vec<(Loan<Image>, Filled, Header)>;
+/// The messages of one scan, read but not sent: a scan goes out whole or not at all.
+struct Loans {
+    images: Vec<(Loan<Image>, Filled, Header)>,
+    truth: Option<(Loan<messages::Truth>, Filled, Header)>,
+}
+
+/// Scenes whose truth is kept: few take turns, and many are not worth the memory.
+const TRUTHS: usize = 4;
 
 impl Capture {
     /// Reads a scan of the source into shared memory.
     fn read(&mut self, tick: u64) -> Result<Loans, CaptureError> {
         let nanos = self.settings.nanos(self.start_nanos, tick);
-        let mut loans = Vec::with_capacity(self.rig.views.len());
+        let mut images = Vec::with_capacity(self.rig.views.len());
         for view in 0..self.rig.views.len() {
             let mut loan = self.images.loan::<Image>(view as u32, NONE)?;
             let (size, filled) = {
@@ -121,20 +131,54 @@ impl Capture {
                 position_m,
                 ..Header::new(0, nanos, size)
             };
-            loans.push((loan, filled, header));
+            images.push((loan, filled, header));
         }
-        Ok(loans)
+        let truth = match self.settings.truth {
+            Some(view) => Some(self.read_truth(tick, view, nanos)?),
+            None => None,
+        };
+        Ok(Loans { images, truth })
+    }
+
+    /// Writes the truth of a scan into shared memory: NaN everywhere when nothing is known.
+    fn read_truth(
+        &mut self,
+        tick: u64,
+        view: usize,
+        nanos: u64,
+    ) -> Result<(Loan<messages::Truth>, Filled, Header), CaptureError> {
+        let (scene, size) = (tick % self.source.scenes(), self.source.size_of(tick));
+        if !self.truths.iter().any(|(known, _)| *known == scene) {
+            let truth = self.source.truth(tick, view)?;
+            let unknown = || vec![f32::NAN; size.pixels()];
+            let disparity = truth.map_or_else(unknown, |truth| truth.disparity);
+            self.truths.truncate(TRUTHS - 1);
+            self.truths.push_front((scene, disparity));
+        }
+        let mut loan = self.images.loan::<messages::Truth>(NONE, NONE)?;
+        let filled = {
+            let mut room = loan.room()?;
+            let known = self.truths.iter().find(|(known, _)| *known == scene);
+            if let Some((_, disparity)) = known {
+                room.disparity.extend_from_slice(disparity);
+            }
+            Filled::of::<messages::Truth>(&room)
+        };
+        Ok((loan, filled, Header::new(0, nanos, size)))
     }
 
     fn send(&mut self, scan: UnderWay, loans: Loans) -> Result<(), CaptureError> {
         let done_below = self.gate.door().done_below();
-        for (loan, filled, header) in loans {
-            let header = Header {
-                sequence: scan.sequence,
-                done_below,
-                ..header
-            };
-            self.images.publish(loan, &header, filled)?;
+        let numbered = |header: Header| Header {
+            sequence: scan.sequence,
+            done_below,
+            ..header
+        };
+        for (loan, filled, header) in loans.images {
+            self.images.publish(loan, &numbered(header), filled)?;
+        }
+        if let Some((loan, filled, header)) = loans.truth {
+            self.images.publish(loan, &numbered(header), filled)?;
         }
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! Settings of the capture node.
 
+use messages::Kind;
+
 messages::settings! {
     /// Where scans come from and how many of them there are.
     pub struct Settings {
@@ -32,6 +34,9 @@ messages::settings! {
         /// Path of a ROS `camera_info` YAML of the rectified images; that of the camera next to the first, the central
         /// one, also holds the baseline. The right one's would be of two steps.
         pub camera_info: Option<String> = None;
+        /// The chosen view whose true disparities are published, counted from 0, where the source knows them; set to the
+        /// reference view where results are evaluated.
+        pub truth: Option<usize> = None, in 0..=1000000;
         /// Standard deviation of the sensor noise of rendered scenes, in gray levels. One level is what a machine
         /// vision camera shows at moderate gain.
         pub noise: f32 = 1.0, in 0.0..=32.0;
@@ -47,6 +52,12 @@ impl Settings {
             views: vec![0, 1, 2],
             ..Self::default()
         }
+    }
+
+    /// The kinds of message that are published.
+    pub fn makes(&self) -> Vec<Kind> {
+        let truth = self.truth.map(|_| Kind::Truth);
+        [Kind::Image].into_iter().chain(truth).collect()
     }
 
     /// When a scan is taken, in nanoseconds since 1970, in a run that starts at `start`.

@@ -240,6 +240,27 @@ impl Source {
     }
 }
 
+impl Source {
+    /// How many different scenes there are: scan n shows scene n modulo this.
+    pub fn scenes(&self) -> u64 {
+        match &self.kind {
+            Kind::Rendered { scenes, .. } => scenes.len() as u64,
+            Kind::Folders { albums, .. } => albums.len() as u64,
+        }
+    }
+
+    /// Whether the true disparities of a chosen view are known in some scan.
+    pub fn knows_truth(&self, view: usize) -> bool {
+        match &self.kind {
+            Kind::Rendered { .. } => true,
+            Kind::Folders { albums, .. } => {
+                let knows = |album: &Album| album.shots.get(view).is_some_and(|s| s.truth.is_some());
+                albums.iter().any(knows)
+            }
+        }
+    }
+}
+
 impl fmt::Debug for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Source")
@@ -345,40 +366,22 @@ fn notices(albums: &[Album]) -> Vec<String> {
     notices
 }
 
-/// The truth that `scene.json` names for a view: 256 times the disparity per one step, 0 where unknown.
+/// The truth that is filed for a view.
 fn filed_truth(album: &Album, view: usize) -> Result<Option<Truth>, SourceError> {
-    let Some(path) = &album.shots[view].truth else {
+    let Some(file) = &album.shots[view].truth else {
         return Ok(None);
     };
-    let wrong = |why: String| SourceError::GroundTruth {
-        path: path.clone(),
-        why,
-    };
-    let Some((size, values)) = image_file::deep_pixels(path)? else {
-        return Err(wrong(
-            "it must be 16-bit gray, 256 times the disparity per step".to_owned(),
-        ));
-    };
+    let (size, mut disparity) = file.read()?;
     if size != album.size {
-        return Err(wrong(format!(
-            "it is {size} pixels and its view is {}",
-            album.size
-        )));
+        return Err(SourceError::GroundTruth {
+            path: file.path.clone(),
+            why: format!("it is {size} pixels and its view is {}", album.size),
+        });
     }
-    let scale = album.step as f32 / 256.0;
-    let disparity = values.into_iter().map(|value| {
-        if value == 0 {
-            f32::NAN
-        } else {
-            f32::from(value) * scale
-        }
-    });
-    Ok(Some(Truth::from_disparity(
-        size,
-        disparity.collect(),
-        view,
-        album.shots.len(),
-    )))
+    let step = album.step as f32;
+    disparity.iter_mut().for_each(|value| *value *= step);
+    let views = album.shots.len();
+    Ok(Some(Truth::from_disparity(size, disparity, view, views)))
 }
 
 /// Decoded images, so that reading one again costs a copy; those unused for longest make room for others.

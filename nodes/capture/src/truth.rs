@@ -1,6 +1,93 @@
 //! Ground truth: what a perfect result would be.
 
+use std::path::PathBuf;
+
 use messages::Size;
+
+use crate::error::SourceError;
+use crate::image_file;
+
+/// A file of true disparities.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct TruthFile {
+    pub(crate) path: PathBuf,
+    pub(crate) encoding: Encoding,
+}
+
+/// How disparities per step are written down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Encoding {
+    /// A 16-bit gray picture of 256 times the disparity, 0 where unknown.
+    Deep,
+    /// An 8-bit gray picture; what a gray level is worth, 0 where unknown.
+    Gray { per_value: f32 },
+    /// A portable float map of the disparity itself, not finite where unknown.
+    Pfm,
+}
+
+impl TruthFile {
+    /// The disparities per step, NaN where unknown.
+    pub(crate) fn read(&self) -> Result<(Size, Vec<f32>), SourceError> {
+        let wrong = |why: &str| SourceError::GroundTruth {
+            path: self.path.clone(),
+            why: why.to_owned(),
+        };
+        let known = |value: f32, per_value: f32| match value {
+            0.0 => f32::NAN,
+            value => value * per_value,
+        };
+        match self.encoding {
+            Encoding::Deep => {
+                let (size, values) = image_file::deep_pixels(&self.path)?.ok_or_else(|| {
+                    wrong("it must be 16-bit gray, 256 times the disparity per step")
+                })?;
+                let values = values.into_iter().map(|v| known(v.into(), 1.0 / 256.0));
+                Ok((size, values.collect()))
+            }
+            Encoding::Gray { per_value } => {
+                let (size, values) = image_file::gray_pixels(&self.path)?
+                    .ok_or_else(|| wrong("it must be an 8-bit gray picture"))?;
+                let values = values.into_iter().map(|v| known(v.into(), per_value));
+                Ok((size, values.collect()))
+            }
+            Encoding::Pfm => {
+                let bytes = std::fs::read(&self.path).map_err(SourceError::io(&self.path))?;
+                pfm(&bytes).ok_or_else(|| wrong("it must be a gray portable float map (Pf)"))
+            }
+        }
+    }
+}
+
+/// Reads a gray portable float map, whose rows go from bottom to top.
+fn pfm(bytes: &[u8]) -> Option<(Size, Vec<f32>)> {
+    let mut rest = bytes;
+    let mut word = || {
+        let start = rest.iter().position(|b| !b.is_ascii_whitespace())?;
+        let after = &rest[start..];
+        let end = after.iter().position(u8::is_ascii_whitespace)?;
+        // One white space ends the head.
+        rest = &after[end + 1..];
+        std::str::from_utf8(&after[..end]).ok()
+    };
+    if word()? != "Pf" {
+        return None;
+    }
+    let (width, height) = (word()?.parse().ok()?, word()?.parse().ok()?);
+    let scale: f32 = word()?.parse().ok()?;
+    let size = Size::new(width, height);
+    let (values, _) = rest.as_chunks::<4>();
+    if values.len() != size.pixels() || values.is_empty() {
+        return None;
+    }
+    // A negative scale says that the lowest byte comes first.
+    let value = |bytes: &[u8; 4]| match scale < 0.0 {
+        true => f32::from_le_bytes(*bytes),
+        false => f32::from_be_bytes(*bytes),
+    };
+    let rows = values.chunks(size.width as usize).rev().flatten();
+    let known = |v: f32| if v.is_finite() { v } else { f32::NAN };
+    Some((size, rows.map(|bytes| known(value(bytes))).collect()))
+}
 
 /// The true disparities of one view, and which of its points all chosen views see.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-use messages::Header;
+use messages::{Header, Kind};
 use messages::bus::{BusError, Guest, Joined, LOOK_EVERY, Run};
 use messages::ledger::Ledger;
 
@@ -95,9 +95,13 @@ pub fn attach(
         run,
         metadata,
         topic,
-        settings,
+        mut settings,
         snapshot,
     } = attach;
+    // Of what nobody makes there are no topics.
+    let made = run.kinds();
+    let unmade = Kind::ALL.into_iter().filter(|kind| !made.contains(kind));
+    settings.without.extend(unmade);
     let encoder = Encoder::new(&metadata.rig, metadata.reference, &settings).only(topic);
     let path = PathBuf::from(&settings.file);
     let mut guest = Guest::join(run, &format!("record.{}", std::process::id()), &run.kinds())?;

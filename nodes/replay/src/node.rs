@@ -8,7 +8,7 @@ use messages::door::UnderWay;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Recording, Scan};
 use messages::{
-    Curves, CurvesView, Disparity, Edges, Header, Image, Kind, Matches, Points, Tables, Topic,
+    Curves, CurvesView, Disparity, Edges, Evaluation, Header, Image, Kind, Matches, Points, Tables, Topic, Truth,
 };
 
 use crate::{Clock, Selection, SelectionError, Settings};
@@ -156,6 +156,8 @@ impl Replay {
                 Kind::Matches => self.publish::<Matches>(topic, under_way, scan)?,
                 Kind::Disparity => self.publish::<Disparity>(topic, under_way, scan)?,
                 Kind::Points => self.publish::<Points>(topic, under_way, scan)?,
+                Kind::Truth => self.publish::<Truth>(topic, under_way, scan)?,
+                Kind::Evaluation => self.publish::<Evaluation>(topic, under_way, scan)?,
             }
         }
         Ok(())

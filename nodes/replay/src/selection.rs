@@ -62,24 +62,23 @@ pub fn replayed_kinds(from: Stage) -> Vec<Kind> {
     Kind::ALL.into_iter().filter(is_before).collect()
 }
 
-/// The kinds of message that these stages need of what is replayed.
-fn needed_kinds(from: Stage, to: Stage) -> Vec<Kind> {
+/// The kinds of message that these stages, after this cut, need of what is replayed.
+fn needed_kinds(from: Stage, stages: &[Stage]) -> Vec<Kind> {
     let mut kinds = replayed_kinds(from);
-    let stages = || {
-        Stage::ALL
-            .into_iter()
-            .filter(|stage| (from..=to).contains(stage))
-    };
-    kinds.retain(|kind| stages().any(|stage| stage.takes().contains(kind)));
+    kinds.retain(|kind| stages.iter().any(|stage| stage.takes().contains(kind)));
     kinds
 }
 
-/// Whether the recording holds what the stages from this one on, as far as that one, need of the stages before.
+/// Whether the recording holds what these stages, the first of which is `from`, need of those before.
 ///
 /// # Errors
 /// When it does not: with the cuts that are possible.
-pub fn check_cut(recording: &Recording, from: Stage, to: Stage) -> Result<(), SelectionError> {
-    check_needed(recording, from, &needed_kinds(from, to))
+pub fn check_cut(
+    recording: &Recording,
+    from: Stage,
+    stages: &[Stage],
+) -> Result<(), SelectionError> {
+    check_needed(recording, from, &needed_kinds(from, stages))
 }
 
 fn check_needed(recording: &Recording, from: Stage, needed: &[Kind]) -> Result<(), SelectionError> {
@@ -102,7 +101,21 @@ fn check_needed(recording: &Recording, from: Stage, needed: &[Kind]) -> Result<(
     if lacking.is_empty() {
         return Ok(());
     }
-    let possible = |stage: &Stage| missing(&needed_kinds(*stage, Stage::Match)).is_empty();
+    // What was recorded without a stage's settings cannot be computed by it.
+    let configuration = &recording.metadata().configuration;
+    let after = |from: Stage| {
+        let stages = Stage::ALL.into_iter().filter(move |stage| *stage >= from);
+        stages.filter(|stage| *stage <= Stage::Match)
+    };
+    let possible = |stage: &Stage| {
+        let stages: Vec<Stage> = after(*stage).collect();
+        let known = |stage: &Stage| {
+            *stage == Stage::Capture || configuration.get(stage.name()).is_some()
+        };
+        !stages.is_empty()
+            && stages.iter().all(known)
+            && missing(&needed_kinds(*stage, &stages)).is_empty()
+    };
     let stages = Stage::ALL.into_iter().filter(possible).map(Stage::name);
     let stages = stages.collect::<Vec<_>>().join(", ");
     Err(SelectionError::Cut {

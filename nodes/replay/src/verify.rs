@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Scan};
 use messages::{
-    AnyView, Curves, Difference, Disparity, Edges, Header, Image, Kind, Matches, Points, Stage,
-    Tables, Topic,
+    AnyView, Curves, Difference, Disparity, Edges, Evaluation, Header, Image, Kind, Matches, Points, Stage,
+    Tables, Topic, Truth,
 };
 use serde::{Deserialize, Serialize};
 
@@ -93,6 +93,8 @@ impl Findings {
             Kind::Matches => compare::<Matches>(codec, recorded, topic, header, computed),
             Kind::Disparity => compare::<Disparity>(codec, recorded, topic, header, computed),
             Kind::Points => compare::<Points>(codec, recorded, topic, header, computed),
+            Kind::Truth => compare::<Truth>(codec, recorded, topic, header, computed),
+            Kind::Evaluation => compare::<Evaluation>(codec, recorded, topic, header, computed),
         };
         let text = match trouble {
             Ok(None) => {

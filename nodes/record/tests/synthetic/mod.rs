@@ -221,7 +221,9 @@ impl Scan {
     pub(crate) fn messages(&self) -> Vec<(&Header, AnyView<'_>)> {
         let channels = self.rig.channels.len();
         let at = |topic: &Topic| topic.view as usize * channels + topic.channel as usize;
-        let topics = Topic::all(&self.rig).into_iter();
+        let mut topics = Topic::all(&self.rig);
+        topics.retain(|topic| !matches!(topic.kind, Kind::Truth | Kind::Evaluation));
+        let topics = topics.into_iter();
         topics
             .map(|topic| match topic.kind {
                 Kind::Image => both(&self.images[topic.view as usize]),
@@ -231,6 +233,7 @@ impl Scan {
                 Kind::Matches => both(&self.matches[topic.channel as usize]),
                 Kind::Disparity => both(&self.disparity),
                 Kind::Points => both(&self.points),
+                Kind::Truth | Kind::Evaluation => unreachable!(),
             })
             .collect()
     }

@@ -1,0 +1,176 @@
+//! The stages as plain calls, one after the other in one process: for sweeps over scenes and settings, where no scan is
+//! live and nothing is recorded. What they compute is what the nodes compute, to the byte.
+
+use capture::Source;
+use evaluate::{Evaluator, Known};
+use matching::{ChannelView, Matcher};
+use messages::settings::Settings;
+use messages::{
+    Calibration, Curves, Disparity, Edges, Evaluation, Image, Matches, Message, NONE, Owned, Point,
+    Points, Score, Share, Size, Tables,
+};
+
+use crate::Failure;
+use crate::graph::Graph;
+
+/// Views of a triple.
+const VIEWS: usize = 3;
+
+/// What a node is told by a graph.
+pub(crate) fn settings<S: Settings>(graph: &Graph, node: &str) -> Result<S, Failure> {
+    let settings: S =
+        serde_json::from_value(graph.settings_of(node).clone()).map_err(Failure::usage)?;
+    settings.check().map_err(Failure::usage)?;
+    Ok(settings)
+}
+
+/// A scan of one triple as far as its R-tables.
+pub(crate) struct Tabulated {
+    pub(crate) size: Size,
+    pub(crate) channels: Vec<f32>,
+    calibration: Calibration,
+    images: Vec<Owned<Image>>,
+    /// By channel, then view.
+    curves: Vec<Owned<Curves>>,
+    tables: Vec<Owned<Tables>>,
+}
+
+/// What was matched in a scan.
+pub(crate) struct Matched {
+    /// By channel.
+    matches: Vec<Owned<Matches>>,
+    points: Owned<Points>,
+}
+
+/// How a scan compares with the truth.
+#[derive(Clone, Debug)]
+pub(crate) struct Evaluated {
+    /// First the result, then each channel.
+    pub(crate) scores: Vec<Score>,
+    pub(crate) curve: Vec<Share>,
+}
+
+impl Tabulated {
+    /// Reads a scan and takes it through the stages before matching.
+    pub(crate) fn of(graph: &Graph, source: &mut Source, scan: u64) -> Result<Self, Failure> {
+        let filter: filter::Settings = settings(graph, "filter")?;
+        let channels = graph.channels()?;
+        let size = source.size_of(scan);
+        let mut tabulated = Self {
+            size,
+            calibration: source.calibration().unwrap_or(Calibration::assumed(size)),
+            images: Vec::new(),
+            curves: Vec::new(),
+            tables: Vec::new(),
+            channels,
+        };
+        let mut tracker = track::Tracker::new(&settings(graph, "track")?, size);
+        let mut tabulator = hough::Tabulator::new(&settings(graph, "hough")?, size);
+        let mut filter = filter::Filter::new(&filter, size);
+        for view in 0..VIEWS {
+            let mut image = Owned::<Image>::new(size);
+            image
+                .fill(|room| source.read(scan, view, room))
+                .map_err(Failure::failed)?;
+            tabulated.images.push(image);
+        }
+        let mut edges = Owned::<Edges>::new(size);
+        let mut by_view = Vec::new();
+        for image in &tabulated.images {
+            filter.begin(image.view(), size);
+            let mut channels = Vec::new();
+            for channel in 0..tabulated.channels.len() {
+                edges.fill(|room| {
+                    room.clear();
+                    filter.edges(channel, room);
+                });
+                let mut curves = Owned::<Curves>::new(size);
+                curves.fill(|room| tracker.process(edges.view(), size, room));
+                let mut tables = Owned::<Tables>::new(size);
+                tables.fill(|room| tabulator.process(curves.view(), size, room));
+                channels.push((curves, tables));
+            }
+            by_view.push(channels.into_iter());
+        }
+        for _ in 0..tabulated.channels.len() {
+            for (curves, tables) in by_view.iter_mut().filter_map(Iterator::next) {
+                tabulated.curves.push(curves);
+                tabulated.tables.push(tables);
+            }
+        }
+        Ok(tabulated)
+    }
+
+    /// Matches the scan.
+    pub(crate) fn matched(&self, settings: &matching::Settings) -> Matched {
+        let size = self.size;
+        let view = |at: usize| ChannelView {
+            curves: self.curves[at].view(),
+            tables: self.tables[at].view(),
+        };
+        let count = self.channels.len();
+        let inputs: Vec<[ChannelView<'_>; VIEWS]> = (0..count)
+            .map(|channel| std::array::from_fn(|v| view(VIEWS * channel + v)))
+            .collect();
+        let mut words = vec![vec![0u64; Matches::words(size)]; count];
+        let mut rooms: Vec<_> = words
+            .iter_mut()
+            .filter_map(|words| Matches::room(words, size))
+            .collect();
+        let mut disparity = Owned::<Disparity>::new(size);
+        let mut points = Owned::<Points>::new(size);
+        let mut matcher = Matcher::new(settings, &self.channels);
+        disparity.fill(|disparity| {
+            points.fill(|points| {
+                matcher.process(
+                    &inputs,
+                    size,
+                    &self.calibration,
+                    &mut rooms,
+                    disparity,
+                    points,
+                );
+            });
+        });
+        let owned = |room: &messages::MatchesRoom<'_>| {
+            let mut matches = Owned::<Matches>::new(size);
+            matches.fill(|out| Matches::copy(room.as_view(), out));
+            matches
+        };
+        Matched {
+            matches: rooms.iter().map(owned).collect(),
+            points,
+        }
+    }
+}
+
+impl Matched {
+    /// The result's points.
+    pub(crate) fn points(&self) -> &[Point] {
+        self.points.view().points
+    }
+
+    /// Compares what was matched with the truth of the reference view.
+    pub(crate) fn evaluated(
+        &self,
+        scan: &Tabulated,
+        evaluator: &mut Evaluator,
+        view: usize,
+        truth: &[f32],
+    ) -> Evaluated {
+        let known = Known {
+            pixels: scan.images[view].view().pixels,
+            truth,
+            size: scan.size,
+        };
+        let matches: Vec<_> = self.matches.iter().map(Owned::view).collect();
+        let mut evaluation = Owned::<Evaluation>::new(scan.size);
+        evaluation.fill(|room| evaluator.process(known, self.points.view(), &matches, room));
+        let view = evaluation.view();
+        debug_assert!(view.scores.first().is_none_or(|score| score.channel == NONE));
+        Evaluated {
+            scores: view.scores.to_vec(),
+            curve: view.curve.to_vec(),
+        }
+    }
+}
