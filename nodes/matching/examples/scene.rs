@@ -1,7 +1,7 @@
 //! Runs the whole chain on three images and writes the matched points.
 //!
 //! ```text
-//! scene FOLDER 1,3,5 [--csv FILE] [--png FILE] [--thesis] [--set filter.channels=[4,2,1]] [--set match.reference=centre] ...
+//! scene FOLDER 1,3,5 [--csv FILE] [--png FILE] [--thesis] [--time ROUNDS] [--set filter.channels=[4,2,1]] [--set method=two-view] ...
 //! ```
 //!
 //! The folder holds `view0.png`, `view1.png`, … Prints how long each stage took and what was found.
@@ -24,7 +24,9 @@ fn settings<S: Settings>(node: &str, base: S, overrides: &[String]) -> Result<S,
     let mut json = serde_json::to_value(base)?;
     for text in overrides {
         let (key, value) = text.split_once('=').ok_or("--set node.key=value")?;
-        if let Some(key) = key.strip_prefix(node).and_then(|key| key.strip_prefix('.')) {
+        // A key alone is the matcher's.
+        let (owner, key) = key.split_once('.').unwrap_or(("match", key));
+        if owner == node {
             json[key] =
                 serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
         }
@@ -36,7 +38,7 @@ fn settings<S: Settings>(node: &str, base: S, overrides: &[String]) -> Result<S,
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (mut places, mut overrides) = (Vec::new(), Vec::new());
-    let (mut csv, mut png, mut thesis) = (None, None, false);
+    let (mut csv, mut png, mut thesis, mut rounds) = (None, None, false, None);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
@@ -44,12 +46,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--csv" => csv = arguments.next(),
             "--png" => png = arguments.next(),
             "--thesis" => thesis = true,
+            "--time" => rounds = Some(arguments.next().ok_or("--time ROUNDS")?.parse()?),
             _ => places.push(argument),
         }
     }
     let [folder, views] = places.as_slice() else {
         return Err(
-            "scene FOLDER 1,3,5 [--csv FILE] [--png FILE] [--thesis] [--set node.key=value]".into(),
+            "scene FOLDER 1,3,5 [--csv FILE] [--png FILE] [--thesis] [--set node.key=value] [--time ROUNDS]".into(),
         );
     };
     fn profile<S: Default>(thesis: bool, literal: S) -> S {
@@ -140,26 +143,24 @@ fn main() -> Result<(), Box<dyn Error>> {
                 lap(2);
             }
         }
-        let view = |at: usize| ChannelView {
-            curves: curves[at].view(),
-            tables: tables[at].view(),
-        };
-        let inputs: Vec<[ChannelView<'_>; 3]> = (0..channels.len())
-            .map(|channel| [0, 1, 2].map(|v| view(3 * channel + v)))
-            .collect();
-        let calibration = Calibration::assumed(size);
-        let start = Instant::now();
-        disparity.fill(|disparity| {
-            points.fill(|points| {
-                matcher.process(&inputs, size, &calibration, &mut rooms, disparity, points)
-            });
-        });
-        let matching = start.elapsed().as_secs_f64();
+        let inputs = inputs(&curves, &tables);
+        let found = (&mut rooms[..], &mut disparity, &mut points);
+        let matching = matched(&mut matcher, &inputs, size, found);
         let [filter, track, hough, _] = seconds.map(|seconds| 1e3 * seconds);
         println!(
             "{round}: filter {filter:.1} ms, track {track:.1} ms, hough {hough:.1} ms, match {:.1} ms",
             1e3 * matching
         );
+    }
+    if let Some(rounds) = rounds {
+        let inputs = inputs(&curves, &tables);
+        // The least of many rounds: what else the machine does only adds.
+        let mut least = f64::INFINITY;
+        for _ in 0..rounds {
+            let found = (&mut rooms[..], &mut disparity, &mut points);
+            least = least.min(matched(&mut matcher, &inputs, size, found));
+        }
+        println!("match, least of {rounds} rounds: {:.1} ms", 1e3 * least);
     }
     for (channel, room) in channels.iter().zip(&rooms) {
         println!(
@@ -191,6 +192,43 @@ fn main() -> Result<(), Box<dyn Error>> {
         picture(disparity.view().disparity, size).save(path)?;
     }
     Ok(())
+}
+
+/// What the matcher is given: of every channel its three views.
+fn inputs<'a>(
+    curves: &'a [Owned<Curves>],
+    tables: &'a [Owned<Tables>],
+) -> Vec<[ChannelView<'a>; 3]> {
+    let view = |at: usize| ChannelView {
+        curves: curves[at].view(),
+        tables: tables[at].view(),
+    };
+    let channels = 0..curves.len() / 3;
+    channels
+        .map(|channel| [0, 1, 2].map(|v| view(3 * channel + v)))
+        .collect()
+}
+
+/// Where the matcher's results go.
+type Found<'a, 'b> = (
+    &'a mut [MatchesRoom<'b>],
+    &'a mut Owned<Disparity>,
+    &'a mut Owned<Points>,
+);
+
+/// Matches the scan once, and says how many seconds that took.
+fn matched(
+    matcher: &mut Matcher,
+    inputs: &[[ChannelView<'_>; 3]],
+    size: Size,
+    (rooms, disparity, points): Found<'_, '_>,
+) -> f64 {
+    let calibration = Calibration::assumed(size);
+    let start = Instant::now();
+    disparity.fill(|disparity| {
+        points.fill(|points| matcher.process(inputs, size, &calibration, rooms, disparity, points));
+    });
+    start.elapsed().as_secs_f64()
 }
 
 /// The disparity picture in colours, near red, far blue, unknown black.

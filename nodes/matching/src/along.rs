@@ -58,7 +58,7 @@ impl Choice {
         !self.disparity.is_nan()
     }
 
-    /// Whether it was seen in all three views.
+    /// Whether it was seen in every view that has a say.
     pub(crate) fn is_seen(&self) -> bool {
         self.spots[0] != NONE
     }

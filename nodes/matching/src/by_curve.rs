@@ -15,7 +15,7 @@ impl Matcher {
         views: &[ChannelView<'_>; 3],
         range: Range,
         steps: Steps,
-        variance: f32,
+        width: f32,
         has_coarser: bool,
     ) {
         let s = &self.settings;
@@ -26,8 +26,7 @@ impl Matcher {
             rows: s.vote_rows,
             cell: s.vote_cell,
         };
-        // The central width of the filter is w = 2·√2·σ.
-        let width = s.window_widths * (8.0 * variance).sqrt();
+        let width = s.window_widths * width;
         let closing = Closing {
             width,
             rows: s.window_rows,

@@ -64,7 +64,8 @@ impl Matcher {
             along::keep_runs(&mut self.choices[curve.range()], &steadiness);
         }
         let worth = |choice: &Choice| choice.cost - (choice.run as f32).min(32.0) / 32.0;
-        for (which, view) in [steps.near, steps.far].into_iter().enumerate() {
+        let others = [steps.near, steps.far].into_iter().enumerate();
+        for (which, view) in others.filter(|&(_, view)| s.unique && steps.uses(view)) {
             self.support
                 .keep_unique(self.rows[view].spots.len(), which, &mut self.choices, worth);
         }

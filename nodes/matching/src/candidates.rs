@@ -2,7 +2,10 @@
 //!
 //! A point seen at x in the reference view is expected at x − k·d in the view k steps to its right. Of all pairs of
 //! points in the two other views that one disparity explains within a tolerance, the best few are kept. The long base
-//! between the outer views gives the precision, the short one the uniqueness.
+//! between the outer views gives the precision, the short one the uniqueness. Without the third view every like point
+//! in the neighbouring one is a candidate.
+
+use messages::NONE;
 
 use crate::rows::{Rows, Spot, is_flat, turn};
 use crate::surroundings::Surroundings;
@@ -17,7 +20,7 @@ pub(crate) struct Candidate {
     pub(crate) cost: f32,
     /// How far the three columns are from one straight motion, in pixels.
     pub(crate) bend: f32,
-    /// The indices of the two spots, in the near and in the far view.
+    /// The indices of the two spots, in the near and in the far view; [`NONE`] where the far view has no say.
     pub(crate) spots: [u32; 2],
     /// The curves they belong to.
     pub(crate) curves: [u32; 2],
@@ -111,6 +114,19 @@ impl Candidates {
                         continue;
                     }
                     let short = (spot.x - beside.x) / steps.to_near;
+                    if !steps.third {
+                        let cost = like.cost(spot, [beside], near_turn, 0.0);
+                        if cost < like.most && (range.least..=range.most).contains(&short) {
+                            self.list.push(Candidate {
+                                disparity: short,
+                                cost,
+                                bend: 0.0,
+                                spots: [n as u32, NONE],
+                                curves: [beside.curve, NONE],
+                            });
+                        }
+                        continue;
+                    }
                     let expected = spot.x - steps.to_far * short;
                     for (f, beyond) in far.between(row, expected - like.miss, expected + like.miss)
                     {
@@ -121,10 +137,8 @@ impl Candidates {
                         let xs = steps.in_order(spot.x, beside.x, beyond.x);
                         let disparity = (xs[0] - xs[2]) / 2.0;
                         let bend = xs[1] - (xs[0] + xs[2]) / 2.0;
-                        let cost = like.turn_cost * (near_turn + far_turn) / (2.0 * like.turn)
-                            + like.miss_cost * (beyond.x - expected).abs() / like.miss
-                            + like.gray(spot, beside, beyond)
-                            + like.magnitude(spot, beside, beyond);
+                        let miss = (beyond.x - expected).abs();
+                        let cost = like.cost(spot, [beside, beyond], near_turn + far_turn, miss);
                         if cost < like.most && (range.least..=range.most).contains(&disparity) {
                             let spots = [n as u32, f as u32];
                             self.list.push(Candidate {
@@ -149,12 +163,22 @@ impl Candidates {
 }
 
 impl Likeness {
-    /// Cost of the gray levels beside the three points: each side for itself, the better one weighing more, because
-    /// at an occluding edge only one side is preserved.
-    fn gray(&self, a: &Spot, b: &Spot, c: &Spot) -> f32 {
+    /// Cost of taking a point for its likes in one or two other views, from which it turns by `turns` in all; they miss
+    /// one straight motion by `miss` pixels.
+    #[inline]
+    fn cost<const N: usize>(&self, own: &Spot, others: [&Spot; N], turns: f32, miss: f32) -> f32 {
+        self.turn_cost * turns / (N as f32 * self.turn)
+            + self.miss_cost * miss / self.miss
+            + self.gray(own, others)
+            + self.magnitude(own, others)
+    }
+
+    /// Cost of the gray levels beside the points: each side for itself, the better one weighing more, because at an
+    /// occluding edge only one side is preserved.
+    fn gray<const N: usize>(&self, own: &Spot, others: [&Spot; N]) -> f32 {
         let differences: [u16; 8] = std::array::from_fn(|i| {
-            u16::from(a.profile[i].abs_diff(b.profile[i]))
-                + u16::from(a.profile[i].abs_diff(c.profile[i]))
+            let different = |other: &Spot| u16::from(own.profile[i].abs_diff(other.profile[i]));
+            others.into_iter().map(different).sum()
         });
         let side = |samples: [usize; 4]| {
             let sum: u16 = samples
@@ -162,16 +186,17 @@ impl Likeness {
                 .zip(WEIGHTS)
                 .map(|(i, weight)| weight * differences[i])
                 .sum();
-            f32::from(sum) / f32::from(2 * WEIGHTS.iter().sum::<u16>())
+            f32::from(sum) / f32::from(N as u16 * WEIGHTS.iter().sum::<u16>())
         };
         let (left, right) = (side([3, 2, 1, 0]), side([4, 5, 6, 7]));
         let mean = self.better * left.min(right) + (1.0 - self.better) * left.max(right);
         (self.gray_cost * mean).min(self.gray_most)
     }
 
-    fn magnitude(&self, a: &Spot, b: &Spot, c: &Spot) -> f32 {
-        let least = a.magnitude.min(b.magnitude).min(c.magnitude);
-        let most = a.magnitude.max(b.magnitude).max(c.magnitude);
+    fn magnitude<const N: usize>(&self, own: &Spot, others: [&Spot; N]) -> f32 {
+        let others = others.map(|other| other.magnitude);
+        let least = others.into_iter().fold(own.magnitude, f32::min);
+        let most = others.into_iter().fold(own.magnitude, f32::max);
         self.magnitude_cost * (most / least.max(1e-3)).log2().min(2.0)
     }
 }

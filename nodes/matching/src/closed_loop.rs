@@ -1,9 +1,10 @@
 //! The closed loop: from the reference view to its neighbour, on to the third view, and back to where it began.
 //!
 //! Every step lets the R-table of the curve just found vote for the curves in a window of the next view. A loop that
-//! does not close goes back and tries the next candidate; only a closed one is a match.
+//! does not close goes back and tries the next candidate; only a closed one is a match. Where two views must do, the
+//! loop goes to the neighbour and straight back.
 
-use messages::Curve;
+use messages::{Curve, NONE};
 
 use crate::rows::Rows;
 use crate::vote::{Ballot, Peak, Votes};
@@ -25,14 +26,14 @@ pub(crate) struct Closing {
     pub(crate) tries: usize,
 }
 
-/// Three curves, one in each view, that lead to one another.
+/// Curves, one in each view, that lead to one another.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Closed {
-    /// Their labels, left to right.
+    /// Their labels, left to right; [`NONE`] for a view that has no say.
     pub(crate) curves: [u32; 3],
     /// Disparity between neighbouring views.
     pub(crate) disparity: f32,
-    /// The least score of the three steps.
+    /// The least score of its steps.
     pub(crate) score: f32,
     /// How far the loop misses its start, in pixels.
     pub(crate) residual: f32,
@@ -89,6 +90,32 @@ impl ClosedLoop {
         for first in 0..self.peaks[0].len() {
             let near = self.peaks[0][first];
             let from = (steps.near, near.curve);
+            if !steps.third {
+                let expected = around(near.disparity);
+                let back = self.back(
+                    views,
+                    rows,
+                    from,
+                    (steps.reference, label),
+                    -steps.to_near,
+                    expected,
+                    ballot,
+                    closing,
+                );
+                let Some(back) = back else {
+                    continue;
+                };
+                let residual = (near.disparity - back.disparity).abs();
+                if residual <= closing.residual {
+                    return Some(Closed {
+                        curves: steps.in_order(label, near.curve, NONE),
+                        disparity: back.disparity,
+                        score: near.score.min(back.score),
+                        residual,
+                    });
+                }
+                continue;
+            }
             self.step(
                 views,
                 rows,
@@ -104,18 +131,17 @@ impl ClosedLoop {
                 let far = self.peaks[1][second];
                 let from = (steps.far, far.curve);
                 let expected = around((near.disparity + far.disparity) / 2.0);
-                self.step(
+                let back = self.back(
                     views,
                     rows,
                     from,
-                    steps.reference,
+                    (steps.reference, label),
                     -steps.to_far,
                     expected,
-                    2,
                     ballot,
                     closing,
                 );
-                let Some(back) = self.peaks[2].first().filter(|back| back.curve == label) else {
+                let Some(back) = back else {
                     continue;
                 };
                 let way = steps.to_near * near.disparity + between * far.disparity;
@@ -131,6 +157,27 @@ impl ClosedLoop {
             }
         }
         None
+    }
+
+    /// The last step of the loop: where the curve it began with is found again, if it is the best.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "from where to where, how far, and how"
+    )]
+    fn back(
+        &mut self,
+        views: &[ChannelView<'_>; 3],
+        rows: &[Rows; 3],
+        from: (usize, u32),
+        (to, label): (usize, u32),
+        steps: f32,
+        range: Range,
+        ballot: &Ballot,
+        closing: &Closing,
+    ) -> Option<Peak> {
+        self.step(views, rows, from, to, steps, range, 2, ballot, closing);
+        let best = self.peaks[2].first().copied();
+        best.filter(|back| back.curve == label)
     }
 
     /// One step of the loop: the curves of view `to` that a curve may be, the best first.

@@ -1,6 +1,6 @@
 //! Disparities inside a matched curve as in the thesis: differences of columns, row by row.
 
-use messages::Edge;
+use messages::{Edge, NONE};
 
 use crate::along::Choice;
 use crate::closed_loop::Closed;
@@ -20,7 +20,7 @@ pub(crate) struct Pairing {
     pub(crate) flat: f32,
 }
 
-/// Finds the disparity of each point of a matched curve that has a partner in its row in both other curves.
+/// Finds the disparity of each point of a matched curve that has a partner in its row in every other curve.
 pub(crate) fn row_by_row(
     edges: &[Edge],
     closed: &Closed,
@@ -55,6 +55,20 @@ pub(crate) fn row_by_row(
             continue;
         };
         let short = (edge.x - rows[steps.near].spots[near].x) / steps.to_near;
+        let seen = Choice {
+            disparity: short,
+            cost: 1.0 - closed.score,
+            margin: 0.0,
+            bend: 0.0,
+            spots: [near as u32, NONE],
+            curves: [closed.curves[steps.near], closed.curves[steps.far]],
+            run: 1,
+            support: 0.0,
+        };
+        if !steps.third {
+            *choice = seen;
+            continue;
+        }
         let allowed = pairing.miss / steps.to_far.abs();
         let expected = Range {
             least: short - allowed,
@@ -70,13 +84,9 @@ pub(crate) fn row_by_row(
         );
         *choice = Choice {
             disparity: (xs[0] - xs[2]) / 2.0,
-            cost: 1.0 - closed.score,
-            margin: 0.0,
             bend: xs[1] - (xs[0] + xs[2]) / 2.0,
             spots: [near as u32, far as u32],
-            curves: [closed.curves[steps.near], closed.curves[steps.far]],
-            run: 1,
-            support: 0.0,
+            ..seen
         };
     }
 }
@@ -86,8 +96,8 @@ pub(crate) fn row_by_row(
 pub(crate) fn fill_whole(choices: &mut [Choice], centroid: Option<f32>, otherwise: f32) {
     let filled = |disparity: f32, like: Choice| Choice {
         disparity,
-        spots: [messages::NONE; 2],
-        curves: [messages::NONE; 2],
+        spots: [NONE; 2],
+        curves: [NONE; 2],
         ..like
     };
     let mut last: Option<usize> = None;

@@ -11,6 +11,7 @@ mod candidates;
 mod closed_loop;
 mod differences;
 mod fuse;
+mod marr_poggio;
 #[cfg(feature = "node")]
 pub mod node;
 mod relation;
@@ -24,11 +25,12 @@ mod windows;
 
 use messages::{Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Size, TablesView};
 
-pub use settings::{Assignment, Filling, Reference, Settings};
+pub use settings::{Assignment, Filling, Method, Reference, Settings};
 
 use along::{Along, Choice};
 use candidates::Candidates;
 use closed_loop::{Closed, ClosedLoop};
+use marr_poggio::Regions;
 use rows::Rows;
 use support::Support;
 use surroundings::Surroundings;
@@ -59,11 +61,13 @@ pub(crate) struct Steps {
     pub(crate) to_near: f32,
     /// Steps to the right from the reference to the far view.
     pub(crate) to_far: f32,
+    /// Whether the far view has a say.
+    pub(crate) third: bool,
 }
 
 impl Steps {
-    fn from(reference: Reference) -> Self {
-        let [reference, near, far] = match reference {
+    fn of(settings: &Settings) -> Self {
+        let [reference, near, far] = match settings.reference {
             Reference::Left => [0, 1, 2],
             Reference::Centre => [1, 0, 2],
             Reference::Right => [2, 1, 0],
@@ -75,6 +79,7 @@ impl Steps {
             far,
             to_near: to(near),
             to_far: to(far),
+            third: settings.method == Method::ThreeView,
         }
     }
 
@@ -85,6 +90,11 @@ impl Steps {
         all[self.near] = near;
         all[self.far] = far;
         all
+    }
+
+    /// Whether a view is looked at.
+    fn uses(&self, view: usize) -> bool {
+        self.third || view != self.far
     }
 }
 
@@ -98,6 +108,7 @@ pub struct Matcher {
     candidates: Candidates,
     along: Along,
     support: Support,
+    regions: Regions,
     coarser: Surroundings,
     around: Surroundings,
     choices: Vec<Choice>,
@@ -143,7 +154,7 @@ impl Matcher {
         for (channel, (views, room)) in inputs.iter().zip(matches.iter_mut()).enumerate() {
             self.match_channel(views, size, range, channel, room);
         }
-        let steps = Steps::from(self.settings.reference);
+        let steps = Steps::of(&self.settings);
         let fill_in = self
             .settings
             .fill_in
@@ -167,22 +178,24 @@ impl Matcher {
         channel: usize,
         room: &mut MatchesRoom<'_>,
     ) {
-        let steps = Steps::from(self.settings.reference);
+        let steps = Steps::of(&self.settings);
         let reference = views[steps.reference].curves;
         room.clear();
-        for (rows, view) in self.rows.iter_mut().zip(views) {
+        let used = self.rows.iter_mut().zip(views).enumerate();
+        for (_, (rows, view)) in used.filter(|&(view, _)| steps.uses(view)) {
             rows.fill(view, size.width);
         }
         self.choices.clear();
         self.choices.resize(reference.points.len(), Choice::NOTHING);
         self.closed.clear();
         self.closed.resize(reference.curves.len(), None);
-        match self.settings.assignment {
-            Assignment::Point => self.assign_points(views, size, range, steps, channel > 0),
-            Assignment::Curve => {
-                let variance = self.variances.get(channel).copied().unwrap_or(1.0);
-                self.assign_curves(views, range, steps, variance, channel > 0);
-            }
+        // The central width of the filter is w = 2·√2·σ.
+        let variance = self.variances.get(channel).copied().unwrap_or(1.0);
+        let width = (8.0 * variance).sqrt();
+        match (self.settings.method, self.settings.assignment) {
+            (Method::Point, _) => self.match_points(views, size, range, steps, width, channel > 0),
+            (_, Assignment::Point) => self.assign_points(views, size, range, steps, channel > 0),
+            (_, Assignment::Curve) => self.assign_curves(views, range, steps, width, channel > 0),
         }
         self.coarser.clear(size, self.settings.cell, 1.0, range);
         for (edge, choice) in reference.points.iter().zip(&self.choices) {

@@ -15,6 +15,19 @@ pub enum Reference {
     Right,
 }
 
+/// How many views decide, and what is compared: the three methods of the thesis's mismatch table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Curves, and the third view confirms or rejects what two propose.
+    #[default]
+    ThreeView,
+    /// Curves, but only the reference view and its neighbour are looked at.
+    TwoView,
+    /// Zero-crossings one by one, in the reference view and its neighbour (Marr, Poggio and Grimson).
+    Point,
+}
+
 /// What is assigned to what.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -42,7 +55,10 @@ messages::settings! {
     pub struct Settings {
         /// The view the results refer to: left, centre or right.
         pub reference: Reference = Reference::Left;
-        /// What is assigned: point (each point along a curve) or curve (the thesis).
+        /// How: three-view, or one of the rivals it is compared with: two-view (curves, without the third view) or point
+        /// (zero-crossings one by one, two views).
+        pub method: Method = Method::ThreeView;
+        /// What is assigned where curves are matched: point (each point along a curve) or curve (the thesis).
         pub assignment: Assignment = Assignment::Point;
         /// Least disparity between neighbouring views, in pixels.
         pub disparity_least: f32 = 0.0, in 0..=4096;
@@ -93,6 +109,8 @@ messages::settings! {
         /// How much dearer, on average over a run, the best candidates at other disparities must be: a repeated texture
         /// is left alone.
         pub margin: f32 = 0.1, in 0..=10;
+        /// Whether of several points that land on one place of another view only the best is kept.
+        pub unique: bool = true;
         /// Points to either side to which a line is fitted for a disparity; 0 keeps it as measured.
         pub straighten: usize = 4, in 0..=16;
         /// Share of them that must agree; 0 asks nobody. 0.7 covers 0.01 more and is wrong a twentieth more often.
@@ -133,6 +151,14 @@ messages::settings! {
         pub certainty: f32 = 0.4, in 0..=1;
         /// Assignment of curves: what points without a partner get: along (interpolated) or centroid (the thesis).
         pub filling: Filling = Filling::Along;
+        /// Method point: central widths of the filter searched to either side of what the coarser channel knows. Within
+        /// one, zero-crossings of one sign are rarely ambiguous (Marr and Poggio 1979).
+        pub reach_widths: f32 = 1.0, in 0.1..=100;
+        /// Method point: share of the unambiguous matches around a point that must agree on one of its candidates.
+        pub majority: f32 = 0.5, in 0..=1;
+        /// Method point: share of a region's points that must be matched, or all of them are dropped; 0 keeps all. Of
+        /// unrelated images 70 % match by chance (Marr and Poggio 1979).
+        pub matched_share: f32 = 0.7, in 0..=1;
     }
 }
 

@@ -89,9 +89,18 @@ impl Surroundings {
     /// itself, which must be one of them, does not count.
     pub(crate) fn agreement(&self, x: f32, y: f32, disparity: f32) -> (f32, f32) {
         // A point's own weight in its own cell: 2 · 2.
+        self.agreement_beside(4.0, x, y, disparity)
+    }
+
+    /// The same for a point that is not one of those known.
+    pub(crate) fn agreement_with(&self, x: f32, y: f32, disparity: f32) -> (f32, f32) {
+        self.agreement_beside(0.0, x, y, disparity)
+    }
+
+    fn agreement_beside(&self, own: f32, x: f32, y: f32, disparity: f32) -> (f32, f32) {
         let cell = self.index(x, y);
-        let total = self.totals[cell / self.bins] - 4.0;
-        let agree = self.smooth[cell + self.bin(disparity) as usize] - 4.0;
+        let total = self.totals[cell / self.bins] - own;
+        let agree = self.smooth[cell + self.bin(disparity) as usize] - own;
         (if total > 0.0 { agree / total } else { 0.0 }, total / 4.0)
     }
 
@@ -112,6 +121,24 @@ impl Surroundings {
                     Range {
                         least: (disparity(first + 1) - margin).max(range.least),
                         most: (disparity(last) + margin).min(range.most),
+                    }
+                }
+                _ => range,
+            });
+        }
+    }
+
+    /// The same, but only within `reach` of the disparity that most points share around a place.
+    pub(crate) fn predict_most(&mut self, reach: f32, range: Range) {
+        self.ranges.clear();
+        for (cell, total) in self.smooth.chunks_exact(self.bins).zip(&self.totals) {
+            let most = (0..self.bins).max_by(|&a, &b| cell[a].total_cmp(&cell[b]).then(b.cmp(&a)));
+            self.ranges.push(match most {
+                Some(most) if *total >= ENOUGH => {
+                    let disparity = self.least + (most as f32 - 1.0) * self.bin;
+                    Range {
+                        least: (disparity - reach).max(range.least),
+                        most: (disparity + reach).min(range.most),
                     }
                 }
                 _ => range,
