@@ -11,7 +11,7 @@ pub(crate) fn run(args: &GraphFile) -> Result<Outcome, Failure> {
         &Overrides::parse(&args.set)?,
     )?;
     if graph.has("filter") {
-        super::run::channels(&graph)?;
+        graph.channels()?;
     }
     super::print(&graph.to_toml())?;
     Ok(Outcome::Done)
