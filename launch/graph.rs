@@ -222,8 +222,8 @@ impl Graph {
     /// The filter's channels, coarse to fine.
     pub(crate) fn channels(&self) -> Result<Vec<f32>, Failure> {
         let channels = self.settings_of("filter").get("channels");
-        let channels: Vec<f32> =
-            serde_json::from_value(channels.cloned().unwrap_or_default()).map_err(Failure::usage)?;
+        let channels: Vec<f32> = serde_json::from_value(channels.cloned().unwrap_or_default())
+            .map_err(Failure::usage)?;
         if channels.is_empty() || !channels.is_sorted_by(|a, b| a > b) {
             let text = format!(
                 "filter.channels must go from coarse to fine, each smaller than the last, not {channels:?}"

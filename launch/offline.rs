@@ -167,7 +167,11 @@ impl Matched {
         let mut evaluation = Owned::<Evaluation>::new(scan.size);
         evaluation.fill(|room| evaluator.process(known, self.points.view(), &matches, room));
         let view = evaluation.view();
-        debug_assert!(view.scores.first().is_none_or(|score| score.channel == NONE));
+        debug_assert!(
+            view.scores
+                .first()
+                .is_none_or(|score| score.channel == NONE)
+        );
         Evaluated {
             scores: view.scores.to_vec(),
             curve: view.curve.to_vec(),

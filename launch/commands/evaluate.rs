@@ -73,7 +73,10 @@ pub(crate) fn each<T: Send>(scenes: &[Scene], work: impl Fn(&Scene) -> T + Sync)
             });
         }
     });
-    done.into_inner().unwrap_or_default().into_values().collect()
+    done.into_inner()
+        .unwrap_or_default()
+        .into_values()
+        .collect()
 }
 
 fn evaluated(
@@ -234,7 +237,10 @@ fn mean(scenes: &[SceneReport], method: usize) -> MethodMean {
     let steps = results().map(|r| r.curve.len()).min().unwrap_or_default();
     let step = |at: usize| {
         let of = |value: fn(&ShareReport) -> f32| {
-            (results().map(|r| f64::from(value(&r.curve[at]))).sum::<f64>() / count) as f32
+            (results()
+                .map(|r| f64::from(value(&r.curve[at])))
+                .sum::<f64>()
+                / count) as f32
         };
         ShareReport {
             share: of(|s| s.share),

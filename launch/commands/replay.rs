@@ -35,7 +35,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         graph.has(name) && graph.settings_of(name).get(key) != then
     };
     if graph.has("evaluate") && is_other("match", "reference") {
-        crate::say!("replay: the recorded truth is of another reference view: nothing is evaluated");
+        crate::say!(
+            "replay: the recorded truth is of another reference view: nothing is evaluated"
+        );
         graph.remove("evaluate");
     }
     let choice = Choice {

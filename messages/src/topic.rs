@@ -168,11 +168,9 @@ impl Topic {
             Kind::Edges | Kind::Curves | Kind::Tables => {
                 format!("{}/{}", kind.name(), rig.views[view as usize].name)
             }
-            Kind::Truth
-            | Kind::Matches
-            | Kind::Disparity
-            | Kind::Points
-            | Kind::Evaluation => kind.name().to_owned(),
+            Kind::Truth | Kind::Matches | Kind::Disparity | Kind::Points | Kind::Evaluation => {
+                kind.name().to_owned()
+            }
         };
         if channel != NONE {
             name = format!("{name}/{}", rig.channels[channel as usize]);

@@ -113,7 +113,11 @@ fn all(graph: &Graph, sources: &[String]) -> (Vec<(Scene, Source)>, Vec<Skipped>
             }),
         };
         let whole = open(graph, spec);
-        let inner = if is_rendered { Vec::new() } else { folders(Path::new(spec)) };
+        let inner = if is_rendered {
+            Vec::new()
+        } else {
+            folders(Path::new(spec))
+        };
         match whole {
             Ok(source) if is_rendered || source.scenes() == 1 => {
                 for scan in 0..source.scenes() {

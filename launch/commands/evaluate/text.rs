@@ -81,7 +81,11 @@ fn figures(report: &Report, at: usize, method: Method, text: &mut String) {
             [mean.points, mean.mismatches],
         );
     }
-    writeln!(text, "\nthe surest points, mean: share kept, coverage, bad-1 %").unwrap_or_default();
+    writeln!(
+        text,
+        "\nthe surest points, mean: share kept, coverage, bad-1 %"
+    )
+    .unwrap_or_default();
     for step in mean.curve.iter().skip(1).step_by(2) {
         let (share, bad) = (100.0 * step.share, 100.0 * step.bad_1);
         writeln!(text, "{share:>5.0} % {:>8.3} {bad:>7.2}", step.coverage).unwrap_or_default();

@@ -11,8 +11,9 @@ use super::wire::{Fields, Fill, Value, varint_len};
 use crate::header::{Header, NONE, Size};
 use crate::payload::{
     AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edge, Edges, EdgesRoom,
-    EdgesView, Entry, Evaluation, EvaluationRoom, Image, ImageRoom, List, Matches, MatchesRoom, MatchesView, Message, Owned,
-    Points, PointsRoom, Tables, TablesRoom, TablesView, Truth, TruthRoom,
+    EdgesView, Entry, Evaluation, EvaluationRoom, Image, ImageRoom, List, Matches, MatchesRoom,
+    MatchesView, Message, Owned, Points, PointsRoom, Tables, TablesRoom, TablesView, Truth,
+    TruthRoom,
 };
 use crate::topic::{Kind, Topic};
 

@@ -251,7 +251,10 @@ impl Schema {
                 row::<Share>(),
                 with_head(
                     "Evaluation",
-                    &[many("scores", 5, Score::NAME), many("curve", 6, Share::NAME)],
+                    &[
+                        many("scores", 5, Score::NAME),
+                        many("curve", 6, Share::NAME),
+                    ],
                 ),
             ],
             ..FileDescriptorProto::default()

@@ -254,7 +254,8 @@ impl Source {
         match &self.kind {
             Kind::Rendered { .. } => true,
             Kind::Folders { albums, .. } => {
-                let knows = |album: &Album| album.shots.get(view).is_some_and(|s| s.truth.is_some());
+                let knows =
+                    |album: &Album| album.shots.get(view).is_some_and(|s| s.truth.is_some());
                 albums.iter().any(knows)
             }
         }

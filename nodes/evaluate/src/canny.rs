@@ -64,7 +64,11 @@ impl Canny {
         self.magnitudes.clear();
         for y in 0..height {
             let row = |y: usize| &pixels[y * width..][..width];
-            let (above, here, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1)));
+            let (above, here, below) = (
+                row(y.saturating_sub(1)),
+                row(y),
+                row((y + 1).min(height - 1)),
+            );
             let sum = |x: usize| i32::from(above[x]) + 2 * i32::from(here[x]) + i32::from(below[x]);
             let difference = |x: usize| i32::from(below[x]) - i32::from(above[x]);
             for x in 0..width {
@@ -87,7 +91,11 @@ impl Canny {
         let at = |x: i64, y: i64| {
             let is_inside = (0..width).contains(&x) && (0..height).contains(&y);
             // Beyond its sides there is no gradient.
-            if is_inside { self.magnitudes[(y * width + x) as usize] } else { 0 }
+            if is_inside {
+                self.magnitudes[(y * width + x) as usize]
+            } else {
+                0
+            }
         };
         for y in 0..height {
             for x in 0..width {

@@ -14,9 +14,7 @@ mod canny;
 #[cfg(feature = "node")]
 pub mod node;
 
-use messages::{
-    EvaluationRoom, MatchesView, NONE, PointsView, Score, Share, Size,
-};
+use messages::{EvaluationRoom, MatchesView, NONE, PointsView, Score, Share, Size};
 
 pub use canny::Canny;
 
@@ -164,8 +162,7 @@ impl Evaluator {
         let scores = |&i: &u32| self.points[i as usize].score;
         self.order.clear();
         self.order.extend(0..self.points.len() as u32);
-        self.order
-            .sort_by(|a, b| scores(b).total_cmp(&scores(a)));
+        self.order.sort_by(|a, b| scores(b).total_cmp(&scores(a)));
         self.covered.fill(false);
         let (mut covered, mut known, mut bad) = (0u32, 0u32, 0u32);
         let mut next = 0;
@@ -203,7 +200,10 @@ fn pixel(place: f32, len: u32, margin: i64) -> i64 {
 
 /// How far a disparity is from the nearest truth of its row; infinite when none is known there.
 fn error(truth: &[f32], size: Size, point: &Seen) -> f32 {
-    let (x, y) = (pixel(point.x, size.width, NEAR), pixel(point.y, size.height, 0));
+    let (x, y) = (
+        pixel(point.x, size.width, NEAR),
+        pixel(point.y, size.height, 0),
+    );
     nearest(truth, size, point.disparity, x, y)
 }
 
@@ -219,7 +219,10 @@ fn nearest(truth: &[f32], size: Size, disparity: f32, x: i64, y: i64) -> f32 {
 
 /// Whether a disparity is far from every truth around its place.
 fn is_mismatch(truth: &[f32], size: Size, point: &Seen) -> bool {
-    let (x, y) = (pixel(point.x, size.width, NEAR), pixel(point.y, size.height, 0));
+    let (x, y) = (
+        pixel(point.x, size.width, NEAR),
+        pixel(point.y, size.height, 0),
+    );
     let rows = (y - NEAR).max(0)..=(y + NEAR).min(i64::from(size.height) - 1);
     rows.into_iter()
         .all(|row| nearest(truth, size, point.disparity, x, row) > 2.0)
@@ -227,7 +230,10 @@ fn is_mismatch(truth: &[f32], size: Size, point: &Seen) -> bool {
 
 /// Covers the pixels around a point; gives how many edge pixels were not covered before.
 fn cover(covered: &mut [bool], edges: &[bool], size: Size, point: &Seen) -> u32 {
-    let (x, y) = (pixel(point.x, size.width, 0), pixel(point.y, size.height, 0));
+    let (x, y) = (
+        pixel(point.x, size.width, 0),
+        pixel(point.y, size.height, 0),
+    );
     let mut more = 0;
     for row in (y - 1).max(0)..=(y + 1).min(i64::from(size.height) - 1) {
         for column in (x - 1).max(0)..=(x + 1).min(i64::from(size.width) - 1) {

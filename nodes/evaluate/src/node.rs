@@ -18,10 +18,20 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     let mut count = Count::default();
     bus.ready()?;
     while let Some(scan) = bus.next_scan(&mut scans)? {
-        evaluate(&mut evaluator, settings.view, channels, &scan, &results, &mut count)?;
+        evaluate(
+            &mut evaluator,
+            settings.view,
+            channels,
+            &scan,
+            &results,
+            &mut count,
+        )?;
         done.done(scan.sequence)?;
     }
-    bus.finish(&[("compared", count.compared), ("mismatches", count.mismatches)]);
+    bus.finish(&[
+        ("compared", count.compared),
+        ("mismatches", count.mismatches),
+    ]);
     Ok(())
 }
 

@@ -8,9 +8,9 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-use messages::{Header, Kind};
 use messages::bus::{BusError, Guest, Joined, LOOK_EVERY, Run};
 use messages::ledger::Ledger;
+use messages::{Header, Kind};
 
 use crate::{
     Batch, Encoder, Metadata, Settings, WriteError, Writer, WriterThread, part_path, spawn,

@@ -8,7 +8,8 @@ use messages::door::UnderWay;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Recording, Scan};
 use messages::{
-    Curves, CurvesView, Disparity, Edges, Evaluation, Header, Image, Kind, Matches, Points, Tables, Topic, Truth,
+    Curves, CurvesView, Disparity, Edges, Evaluation, Header, Image, Kind, Matches, Points, Tables,
+    Topic, Truth,
 };
 
 use crate::{Clock, Selection, SelectionError, Settings};

@@ -109,9 +109,8 @@ fn check_needed(recording: &Recording, from: Stage, needed: &[Kind]) -> Result<(
     };
     let possible = |stage: &Stage| {
         let stages: Vec<Stage> = after(*stage).collect();
-        let known = |stage: &Stage| {
-            *stage == Stage::Capture || configuration.get(stage.name()).is_some()
-        };
+        let known =
+            |stage: &Stage| *stage == Stage::Capture || configuration.get(stage.name()).is_some();
         !stages.is_empty()
             && stages.iter().all(known)
             && missing(&needed_kinds(*stage, &stages)).is_empty()

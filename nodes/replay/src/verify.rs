@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Scan};
 use messages::{
-    AnyView, Curves, Difference, Disparity, Edges, Evaluation, Header, Image, Kind, Matches, Points, Stage,
-    Tables, Topic, Truth,
+    AnyView, Curves, Difference, Disparity, Edges, Evaluation, Header, Image, Kind, Matches,
+    Points, Stage, Tables, Topic, Truth,
 };
 use serde::{Deserialize, Serialize};
 
