@@ -38,6 +38,8 @@ pub(crate) enum Command {
     Export(Export),
     /// Compare results with the truth of scenes: coverage, errors, mismatches
     Evaluate(Evaluate),
+    /// Sweep settings over scenes: which of them cover most at which error
+    Tune(Tune),
     /// Check a graph file, and print the configuration it amounts to
     Validate(GraphFile),
     /// Print a graph as a Mermaid diagram
@@ -412,6 +414,34 @@ pub(crate) struct Evaluate {
     /// Which rival methods are evaluated too
     #[arg(long, value_enum, value_delimiter = ',', value_name = "point,two-view")]
     pub(crate) against: Vec<MethodArg>,
+    /// Which settings to start from
+    #[arg(long, value_enum, default_value = "default")]
+    pub(crate) profile: Profile,
+    /// Set one key of one node
+    #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Tune {
+    /// scene:all, folders of scenes, or folders of such
+    #[arg(required = true, value_name = "SPEC")]
+    pub(crate) sources: Vec<String>,
+    /// Errors are those against the truth; without it, contradictions between two reference views
+    #[arg(long)]
+    pub(crate) truth: bool,
+    /// A setting and the values to try it with; several are combined
+    #[arg(long, value_name = "NODE.KEY=A,B,C")]
+    pub(crate) sweep: Vec<String>,
+    /// Which three of each scene's views, left to right
+    #[arg(long, value_delimiter = ',', value_name = "1,3,5")]
+    pub(crate) views: Option<Vec<u32>>,
+    /// Which of them results refer to
+    #[arg(long, value_enum)]
+    pub(crate) reference: Option<ReferenceArg>,
     /// Which settings to start from
     #[arg(long, value_enum, default_value = "default")]
     pub(crate) profile: Profile,

@@ -10,6 +10,7 @@ mod record;
 mod replay;
 mod rewrite;
 mod run;
+mod tune;
 mod validate;
 
 use crate::cli::{Cli, Command};
@@ -28,6 +29,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Info(args) => info::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
+        Command::Tune(args) => tune::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Graph(args) => graph::run(&args),
         Command::Clean => clean::run(),

@@ -18,7 +18,7 @@ use crate::graph::{Graph, Overrides};
 use crate::offline::{Evaluated, Tabulated, settings};
 use crate::{Failure, Outcome};
 
-pub(crate) use scenes::{Scene, Skipped, with_truth};
+pub(crate) use scenes::{Scene, Skipped, with_images, with_truth};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut overrides = Overrides::parse(&args.set)?;
