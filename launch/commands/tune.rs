@@ -234,7 +234,7 @@ impl Report {
                 write!(text, " {:>7.2}", 100.0 * bad).unwrap_or_default();
             }
             let front = if line.on_front { "  on the front" } else { "" };
-            writeln!(text, " {:>14.2}{front}", 100.0 * line.contradicted).unwrap_or_default();
+            writeln!(text, " {:>14.3}{front}", 100.0 * line.contradicted).unwrap_or_default();
         }
         writeln!(text, "\nmeans of {} scenes", self.scenes).unwrap_or_default();
         if let Some(rank) = self.rank_correlation {

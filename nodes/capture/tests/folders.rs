@@ -750,3 +750,141 @@ fn a_real_scene_opens_with_its_names_size_and_truth() {
         differences[differences.len() / 2]
     );
 }
+
+/// The layouts in which Middlebury hands out its sets.
+mod middlebury {
+    use super::*;
+
+    fn gray(folder: &Folder, name: &str, size: (u32, u32), value: u8) {
+        let truth = GrayImage::from_fn(size.0, size.1, |x, _| {
+            Luma([if x == 0 { 0 } else { value }])
+        });
+        truth.save(folder.file(name)).unwrap();
+    }
+
+    /// The disparity, per step of the chosen views, that the left one's truth says; the first column is unknown.
+    fn left(folder: &Folder, views: &[u32]) -> f32 {
+        let source = folder.open_views(views).unwrap();
+        assert!(source.knows_truth(0) && !source.knows_truth(1));
+        let truth = source.truth(0, 0).unwrap().unwrap();
+        assert!(truth.disparity[0].is_nan());
+        truth.disparity[5]
+    }
+
+    #[test]
+    fn the_truth_of_2001_is_eight_times_the_disparity_of_four_steps() {
+        let folder = Folder::new();
+        for view in 0..9 {
+            picture(view)
+                .save(folder.file(&format!("im{view}.ppm")))
+                .unwrap();
+        }
+        gray(&folder, "disp2.pgm", SIZE, 96);
+        gray(&folder, "disp6.pgm", SIZE, 96);
+        assert_eq!(left(&folder, &[2, 3, 4]), 3.0);
+        assert_eq!(left(&folder, &[2, 4, 6]), 6.0);
+    }
+
+    #[test]
+    fn the_truth_of_2003_is_told_by_the_size() {
+        let folder = Folder::new();
+        let size = (450, 40);
+        for view in 0..9 {
+            gray(&folder, &format!("im{view}.png"), size, 90 + view as u8);
+        }
+        gray(&folder, "disp2.png", size, 64);
+        assert_eq!(left(&folder, &[2, 3, 4]), 4.0);
+    }
+
+    #[test]
+    fn tsukuba_has_names_of_its_own_and_truth_in_its_middle() {
+        let folder = Folder::new();
+        for column in 1..6 {
+            let name = format!("scene1.row3.col{column}.ppm");
+            picture(column).save(folder.file(&name)).unwrap();
+        }
+        gray(&folder, "truedisp.row3.col3.pgm", SIZE, 160);
+        let source = folder.open_views(&[1, 2, 3]).unwrap();
+        let known: Vec<bool> = (0..3).map(|view| source.knows_truth(view)).collect();
+        assert_eq!(known, [false, true, false]);
+        assert_eq!(source.truth(0, 1).unwrap().unwrap().disparity[5], 10.0);
+    }
+
+    #[test]
+    fn the_sets_of_2005_and_2006_lie_in_one_folder_or_by_light_and_exposure() {
+        for (inside, width, step) in [
+            ("", 40, 10.0),
+            ("Illum1/Exp1/", 620, 15.0),
+            ("", 1000, 30.0),
+        ] {
+            let folder = Folder::new();
+            for view in 0..7 {
+                let name = format!("{inside}view{view}.png");
+                gray(&folder, &name, (width, 32), 90 + view);
+            }
+            gray(&folder, "disp1.png", (width, 32), 120);
+            gray(&folder, "disp5.png", (width, 32), 120);
+            assert_eq!(left(&folder, &[1, 2, 3]), step);
+            assert_eq!(
+                folder.open_views(&[0, 1, 2]).unwrap().truth(0, 0).unwrap(),
+                None
+            );
+        }
+    }
+
+    /// A gray float map whose rows are numbered from the top.
+    fn float_map(size: (u32, u32), scale: &str) -> Vec<u8> {
+        let mut bytes = format!("Pf\n{} {}\n{scale}\n", size.0, size.1).into_bytes();
+        for row in (0..size.1).rev() {
+            for column in 0..size.0 {
+                let value = if column == 0 {
+                    f32::INFINITY
+                } else {
+                    row as f32 + 0.25
+                };
+                bytes.extend(match scale.starts_with('-') {
+                    true => value.to_le_bytes(),
+                    false => value.to_be_bytes(),
+                });
+            }
+        }
+        bytes
+    }
+
+    #[test]
+    fn float_maps_are_read_whatever_their_byte_order_and_from_bottom_to_top() {
+        for scale in ["-1.0", "1"] {
+            let folder = Folder::new();
+            for view in 0..3 {
+                picture(view)
+                    .save(folder.file(&format!("im{view}.png")))
+                    .unwrap();
+            }
+            fs::write(folder.file("disp0.pfm"), float_map(SIZE, scale)).unwrap();
+            fs::write(folder.file("calib.txt"), "baseline=193.001\n").unwrap();
+            let truth = folder.open().unwrap().truth(0, 0).unwrap().unwrap();
+            assert!(truth.disparity[0].is_nan());
+            assert_eq!(truth.disparity[1], 0.25);
+            assert_eq!(truth.disparity[40 * 7 + 1], 7.25);
+            fs::write(folder.file("disp0.pfm"), &float_map(SIZE, scale)[..400]).unwrap();
+            let told = folder.told(&folder.open().unwrap().truth(0, 0).unwrap_err());
+            assert_eq!(
+                told,
+                "~/disp0.pfm is no ground truth: it must be a gray portable float map (Pf)"
+            );
+        }
+    }
+
+    #[test]
+    fn two_views_as_those_of_2014_are_too_few() {
+        let folder = Folder::new();
+        for view in 0..2 {
+            picture(view)
+                .save(folder.file(&format!("im{view}.png")))
+                .unwrap();
+        }
+        fs::write(folder.file("disp0.pfm"), float_map(SIZE, "-1.0")).unwrap();
+        let told = folder.refusal();
+        assert!(told.contains("2") && told.contains("three"), "{told}");
+    }
+}

@@ -1,0 +1,142 @@
+//! Results against the truth: as a topic of a run, and as a command.
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+mod harness;
+
+use harness::World;
+use messages::recording::Recording;
+use messages::{Evaluation, Kind, Owned, Topic};
+
+fn evaluations(world: &World, file: &str) -> Vec<Owned<Evaluation>> {
+    let mut recording = Recording::open(&world.path(file)).unwrap();
+    let topic = Topic::of(&recording.metadata().rig, Kind::Evaluation).swap_remove(0);
+    let scans: Vec<u64> = recording.scans().collect();
+    let read = |scan| recording.read::<Evaluation>(scan, &topic).unwrap();
+    scans.into_iter().map(read).collect()
+}
+
+#[test]
+fn the_topic_and_the_command_say_the_same() {
+    let world = World::new();
+    let run = ["run", "--scans", "3", "--record", "x.mcap"];
+    world.run(&run).done();
+    let evaluate = [
+        "evaluate",
+        "scene:all",
+        "--against",
+        "point,two-view",
+        "--json",
+    ];
+    let report = world.run(&evaluate).done().json();
+    let recorded = evaluations(&world, "x.mcap");
+    assert_eq!(recorded.len(), 3);
+    for (scene, recorded) in report["scenes"].as_array().unwrap().iter().zip(&recorded) {
+        let of = |figures: &serde_json::Value, key: &str| figures[key].as_f64().unwrap() as f32;
+        let method = &scene["methods"][0];
+        let channels = method["channels"].as_array().unwrap();
+        let figures: Vec<_> = std::iter::once(method).chain(channels).collect();
+        let scores = recorded.view().scores;
+        assert_eq!(figures.len(), scores.len());
+        for (figures, score) in figures.into_iter().zip(scores) {
+            assert_eq!(of(figures, "coverage"), score.coverage, "{scene}");
+            assert_eq!(of(figures, "bad_1"), score.bad_one);
+            assert_eq!(of(figures, "median"), score.median);
+            assert_eq!(figures["points"], score.points);
+            assert_eq!(figures["mismatches"], score.mismatches);
+            // The method's claim: no false target in any channel of the thesis's objects.
+            assert_eq!(score.mismatches, 0, "{scene}");
+        }
+        let curve = method["curve"].as_array().unwrap();
+        let shares = recorded.view().curve;
+        assert_eq!(curve.len(), shares.len());
+        assert_eq!(of(&curve[9], "coverage"), shares[9].coverage);
+        assert!(scores[0].coverage > 0.7 && scores[0].points > 10_000);
+    }
+    let mismatches = |method: usize| report["mean"][method]["mismatches"].as_u64().unwrap();
+    assert_eq!(
+        report["methods"],
+        serde_json::json!(["three-view", "point", "two-view"])
+    );
+    assert!(
+        mismatches(1) > 100 && mismatches(0) * 5 <= mismatches(2),
+        "{report}"
+    );
+    let again = world.run(&["replay", "x.mcap", "--from", "match", "--verify", "--json"]);
+    let verified = &again.done().json()["verified"];
+    assert_eq!(verified["equal"], true, "{verified}");
+    assert_eq!(verified["topics"]["evaluation"]["equal"], 3);
+    let other = [
+        "replay",
+        "x.mcap",
+        "--from",
+        "match",
+        "--set",
+        "match.reference=centre",
+    ];
+    let ran = world.run(&other).done();
+    assert!(
+        ran.err
+            .contains("of another reference view: nothing is evaluated"),
+        "{ran:?}"
+    );
+}
+
+#[test]
+fn without_a_truth_nothing_is_evaluated_and_nothing_amiss() {
+    let world = World::recorded("2");
+    let info = world
+        .run(&["info", "x.mcap", "--check", "--json"])
+        .done()
+        .json();
+    let topics = info["topics"].as_array().unwrap();
+    let is_there = |name: &str| topics.iter().any(|topic| topic["topic"] == name);
+    assert!(
+        is_there("points") && !is_there("truth") && !is_there("evaluation"),
+        "{info}"
+    );
+    let ran = world.run(&["evaluate", "scene"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(
+        ran.err.contains("no truth is known of these views"),
+        "{}",
+        ran.err
+    );
+    let ran = world.run(&["evaluate", "nowhere"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.err.contains("nowhere"), "{}", ran.err);
+}
+
+#[test]
+fn tuning_gives_the_same_front_every_time_with_or_without_truth() {
+    let world = World::new();
+    let sweep = [
+        "tune",
+        "scene:tab",
+        "--sweep",
+        "match.support_share=0.5,0.9",
+        "--json",
+    ];
+    let without = world.run(&sweep).done().json();
+    assert_eq!(without, world.run(&sweep).done().json());
+    let lines = without["combinations"].as_array().unwrap();
+    assert_eq!(lines.len(), 2);
+    assert!(lines[0]["coverage"].as_f64() <= lines[1]["coverage"].as_f64());
+    assert!(
+        lines[0]["bad_1"].is_null() && lines[0]["contradicted"].is_f64(),
+        "{without}"
+    );
+    let with = world
+        .run(&[&sweep[..], &["--truth"]].concat())
+        .done()
+        .json();
+    let lines = with["combinations"].as_array().unwrap();
+    assert!(lines.iter().all(|line| line["bad_1"].is_f64()), "{with}");
+    assert!(lines.iter().any(|line| line["on_front"] == true));
+    let ran = world.run(&["tune", "scene:tab", "--sweep", "match.suport_share=0.5"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(
+        ran.err.contains("do you mean match.support_share?"),
+        "{}",
+        ran.err
+    );
+}
