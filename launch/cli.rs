@@ -36,6 +36,8 @@ pub(crate) enum Command {
     Filter(Filter),
     /// Write a recording's results as CSV, PFM, PLY and pictures
     Export(Export),
+    /// Write a recording as one HTML page: figures, points in space, how the run went
+    Report(Report),
     /// Check a graph file, and print the configuration it amounts to
     Validate(GraphFile),
     /// Print a graph as a Mermaid diagram
@@ -355,6 +357,21 @@ pub(crate) struct Export {
     /// Pictures of every view and channel: zero-crossings, orientation, curves, disparity
     #[arg(long, value_name = "FOLDER")]
     pub(crate) png: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Report {
+    /// The recording; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    /// The page to write
+    #[arg(short, long, value_name = "FILE.html")]
+    pub(crate) output: PathBuf,
+    /// The figures of the scans from A on, before B; without it, of the first of each scene, at most four
+    #[arg(long, value_name = "A..B")]
+    pub(crate) scans: Option<Scans>,
+    /// Overwrite a page that is there already
+    #[arg(long)]
+    pub(crate) force: bool,
 }
 
 #[derive(Debug, Args)]

@@ -7,6 +7,7 @@ mod graph;
 mod info;
 mod record;
 mod replay;
+mod report;
 mod rewrite;
 mod run;
 mod validate;
@@ -26,6 +27,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Filter(args) => rewrite::filter(&args),
         Command::Info(args) => info::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Graph(args) => graph::run(&args),
         Command::Clean => clean::run(),
