@@ -144,10 +144,10 @@ fn what_a_recording_does_not_hold_is_said() {
     world.run(&["report", "f.mcap", "-o", "f.html"]).done();
     let page = std::fs::read_to_string(world.path("f.html")).unwrap();
     for told in [
-        "scan 0 has no curves/left/4.",
-        "scan 0 has no matches/2.",
-        "scan 0 has no disparity.",
-        "scan 0 has no points.",
+        "Scan 0 has no curves/left/4.",
+        "Scan 0 has no matches/2.",
+        "Scan 0 has no disparity.",
+        "Scan 0 has no points.",
         "holds no statistics",
         "alt=\"Zero-crossings, view left",
     ] {

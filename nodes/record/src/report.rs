@@ -18,6 +18,7 @@ use std::fmt::{self, Write as _};
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
+use messages::Stage;
 use messages::record::Statistics;
 use png::EncodingError;
 use thiserror::Error;
@@ -200,7 +201,7 @@ fn write(
     if !info.graph.trim().is_empty() {
         write!(
             html,
-            "<details><summary>graph <span>as Mermaid or as its file</span></summary><pre>{}</pre></details>",
+            "<details><summary>the whole graph <span>as the recording holds it</span></summary><pre>{}</pre></details>",
             escape(&info.graph)
         )?;
     }
@@ -361,6 +362,9 @@ fn accuracy_section(_: &mut String, _: &Recording) -> fmt::Result {
     Ok(())
 }
 
+/// One of a scan's numbers.
+type Of = fn(&Statistics) -> f64;
+
 /// How the run went, scan by scan.
 fn run(out: &mut String, recording: &mut Recording) -> fmt::Result {
     out.push_str("<section id=\"run\"><h2>Run</h2>");
@@ -408,7 +412,7 @@ fn run(out: &mut String, recording: &mut Recording) -> fmt::Result {
         )?;
     }
     let numbers: Vec<u64> = statistics.iter().map(|(scan, _)| *scan).collect();
-    let series = |name: &str, of: fn(&Statistics) -> f64| Series {
+    let series = |name: &str, of: Of| Series {
         name: name.to_owned(),
         values: statistics.iter().map(|(_, of_scan)| of(of_scan)).collect(),
     };
@@ -435,7 +439,7 @@ fn run(out: &mut String, recording: &mut Recording) -> fmt::Result {
     });
     plot::lines(out, "all four together", "ms", &numbers, &[computing])?;
     out.push_str("</div><h3>Counts</h3><div class=\"grid three\">");
-    let counts: [(&str, &str, fn(&Statistics) -> f64); 6] = [
+    let counts: [(&str, &str, Of); 6] = [
         ("zero-crossings", "", |of| of.edges as f64),
         ("curves", "", |of| of.curves as f64),
         ("matched curves", "", |of| of.matches as f64),
@@ -447,6 +451,12 @@ fn run(out: &mut String, recording: &mut Recording) -> fmt::Result {
         plot::lines(out, name, unit, &numbers, &[series(name, of)])?;
     }
     out.write_str("</div></section>\n")
+}
+
+/// The order in which scans pass the nodes; those beside the pipe come last.
+fn place_in_pipe(node: &str) -> usize {
+    let place = Stage::ALL.iter().position(|stage| stage.name() == node);
+    place.unwrap_or(Stage::ALL.len())
 }
 
 /// What every node received, published and dropped.
@@ -471,7 +481,9 @@ fn ledger(out: &mut String, info: &Info) -> fmt::Result {
         Some(true) => ": balanced.</p>",
         _ => ": not balanced.</p>",
     });
-    for (node, topics) in &ledger.nodes {
+    let mut nodes: Vec<_> = ledger.nodes.iter().collect();
+    nodes.sort_by_key(|(node, _)| place_in_pipe(node));
+    for (node, topics) in nodes {
         let is_short = |count: Option<u64>| count.is_some_and(|count| count != ledger.admitted);
         let accounts = topics.values();
         let faults = accounts

@@ -124,7 +124,12 @@ pub(super) fn data_uri(out: &mut String, png: &[u8]) {
 
 /// In place of what cannot be shown: why.
 pub(super) fn missing(out: &mut String, why: impl Display) -> fmt::Result {
-    writeln!(out, "<p class=\"missing\">{}.</p>", escape(why))
+    let why = why.to_string();
+    let mut letters = why.chars();
+    // Errors begin in lower case, sentences do not.
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    let sentence: String = first.chain(letters).collect();
+    writeln!(out, "<p class=\"missing\">{}.</p>", escape(sentence))
 }
 
 /// A count with its thousands apart.
@@ -132,7 +137,7 @@ pub(super) fn count(count: u64) -> String {
     let digits = count.to_string();
     let mut text = String::new();
     for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place) % 3 == 0 {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
             text.push('\u{202f}');
         }
         text.push(digit);

@@ -71,6 +71,14 @@ pub(super) fn brief(value: f64) -> String {
     }
 }
 
+/// Numbers of a caption, of the same kind: counts have no places behind the point.
+fn briefly(values: &[f64]) -> fn(f64) -> String {
+    match values.iter().all(|value| value.fract() == 0.0) {
+        true => |value| count(value as u64),
+        false => brief,
+    }
+}
+
 /// The value below which a share of sorted values lies.
 pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let last = sorted.len().checked_sub(1)?;
@@ -331,7 +339,7 @@ fn numbers(out: &mut String, title: &str, unit: &str, series: &[Series]) -> fmt:
         let value = one
             .values
             .first()
-            .map_or_else(String::new, |value| brief(*value));
+            .map_or_else(String::new, |value| briefly(&one.values)(*value));
         write!(
             out,
             "<div><dt>{}</dt><dd>{value} <span>{}</span></dd></div>",
@@ -345,6 +353,7 @@ fn numbers(out: &mut String, title: &str, unit: &str, series: &[Series]) -> fmt:
 fn summary(values: &[f64], unit: &str) -> String {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
+    let brief = briefly(values);
     let of = |share| brief(quantile(&sorted, share).unwrap_or_default());
     let unit = if unit.is_empty() {
         String::new()

@@ -6,6 +6,7 @@ use std::fmt::{self, Write};
 use serde_json::{Map, Value};
 
 use super::page::{counted, escape};
+use super::place_in_pipe;
 
 /// What the program knows of settings; a recording holds only their values.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,7 +54,9 @@ impl<'a> Compared<'a> {
     pub(super) fn new(configuration: &'a Value, known: &'a Known) -> Self {
         let with = |profile: Option<&'a Value>| -> Vec<Setting<'a>> {
             let nodes = configuration.as_object().into_iter().flatten();
-            let keys = nodes.flat_map(|(node, table)| {
+            let mut nodes: Vec<_> = nodes.collect();
+            nodes.sort_by_key(|(node, _)| place_in_pipe(node));
+            let keys = nodes.into_iter().flat_map(|(node, table)| {
                 let keys = table.as_object().into_iter().flatten();
                 keys.map(move |(key, value)| (node, key, value))
             });

@@ -247,8 +247,8 @@ impl Stage {
         write!(out, "<image width=\"{width}\" height=\"{height}\" href=\"")?;
         data_uri(out, dots);
         out.push_str("\"/>");
-        for axis in 0..3 {
-            self.numbers(out, axis, &all[axis], unit)?;
+        for (axis, ticks) in all.iter().enumerate() {
+            self.numbers(out, axis, ticks, unit)?;
         }
         out.write_str("</svg>")
     }
