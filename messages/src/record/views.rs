@@ -33,11 +33,13 @@ impl Colours {
         }
     }
 
-    /// Once round the circle of hues at one lightness: for directions, where the last step is next to the first.
+    /// Once round the circle of hues at one lightness and one chroma: for directions, where the last step is next to the
+    /// first and none stands out.
     pub fn circle() -> Self {
-        let step = |i: usize| strongest(0.75, i as f64 / 256.0 * std::f64::consts::TAU);
+        // The greatest chroma that the display shows of every hue is 0.127, and it is at this lightness.
+        let step = |i: usize| shown(0.75, 0.126, i as f64 / 256.0 * std::f64::consts::TAU);
         Self {
-            steps: std::array::from_fn(step),
+            steps: std::array::from_fn(|i| step(i).unwrap_or_default()),
         }
     }
 
@@ -50,10 +52,15 @@ impl Colours {
 /// The strongest colour of a lightness and a hue that the display still shows.
 fn strongest(lightness: f64, hue: f64) -> [u8; 3] {
     let shades = (0..=32).rev().map(|c| 0.18 * f64::from(c) / 32.0);
-    shades
-        .map(|chroma| srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin()))
-        .find(|rgb| rgb.iter().all(|c| (0.0..=1.0).contains(c)))
-        .map_or([0; 3], |rgb| rgb.map(|c| (c * 255.0).round() as u8))
+    let mut shown = shades.filter_map(|chroma| shown(lightness, chroma, hue));
+    shown.next().unwrap_or_default()
+}
+
+/// A colour, when the display shows it.
+fn shown(lightness: f64, chroma: f64, hue: f64) -> Option<[u8; 3]> {
+    let rgb = srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin());
+    let is_shown = rgb.iter().all(|c| (0.0..=1.0).contains(c));
+    is_shown.then(|| rgb.map(|c| (c * 255.0).round() as u8))
 }
 
 fn srgb_from_oklab(l: f64, a: f64, b: f64) -> [f64; 3] {
@@ -450,7 +457,7 @@ mod tests {
             a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(b))).sum()
         };
         let step = |i: usize| apart(steps[i], steps[(i + 1) % 256]);
-        assert!((0..256).all(|i| step(i) < 20));
+        assert!((0..256).all(|i| (1..20).contains(&step(i))));
         assert!(apart(steps[0], steps[128]) > 100);
     }
 

@@ -417,9 +417,9 @@ mod tests {
             values: values.to_vec(),
         };
         let (mut one, mut two) = (String::new(), String::new());
-        lines(&mut one, "edges", "ms", &[7], &[series(&[5.0])]).unwrap_or_default();
+        lines(&mut one, "edges", "ms", &[7], &[series(&[5.5])]).unwrap_or_default();
         assert!(
-            one.contains("5.00 <span>ms</span>") && !one.contains("<svg"),
+            one.contains("5.50 <span>ms</span>") && !one.contains("<svg"),
             "{one}"
         );
         lines(&mut two, "edges", "ms", &[7, 9], &[series(&[5.0, 6.0])]).unwrap_or_default();

@@ -17,8 +17,11 @@ use super::plot::{decimals, ticks};
 /// The size of a picture of points.
 pub(super) const CANVAS: Size = Size::new(960, 720);
 
-/// Room for numbers and names around the box, in pixels.
-const MARGIN: f64 = 80.0;
+/// Room for numbers and names beside the box, and above and below it, in pixels.
+const MARGIN: [f64; 2] = [128.0, 80.0];
+
+/// A box is no thinner than this share of its longest side: there has to be room for its scale.
+const THINNEST: f64 = 0.16;
 
 type Vector = [f64; 3];
 
@@ -101,9 +104,9 @@ impl Bounds {
         let [x, y, z] = [along(0)?, along(1)?, along(2)?];
         let longest = [x, y, z].map(|(least, most)| most - least);
         let longest = longest.into_iter().fold(0.0, f64::max).max(1e-6);
-        // A flat scene still gets a box, and nothing touches its walls.
+        // Nothing touches the walls.
         let pad = |(least, most): (f64, f64)| {
-            let room = (most - least) * 0.04 + longest * 0.02;
+            let room = ((most - least) * 0.04).max((THINNEST * longest - (most - least)) / 2.0);
             (least - room, most + room)
         };
         let [x, y, z] = [x, y, z].map(pad);
@@ -171,8 +174,10 @@ impl Stage {
         };
         let canvas = [CANVAS.width, CANVAS.height].map(f64::from);
         let [x, y] = [ends(0), ends(1)];
-        let fit = |(least, most): (f64, f64), side: f64| (side - 2.0 * MARGIN) / (most - least);
-        stage.scale = fit(x, canvas[0]).min(fit(y, canvas[1]));
+        let fit = |axis: usize, (least, most): (f64, f64)| {
+            (canvas[axis] - 2.0 * MARGIN[axis]) / (most - least)
+        };
+        stage.scale = fit(0, x).min(fit(1, y));
         let shift =
             |(least, most): (f64, f64), side: f64| side / 2.0 - (least + most) / 2.0 * stage.scale;
         stage.shift = [shift(x, canvas[0]), shift(y, canvas[1])];
@@ -351,13 +356,15 @@ impl Stage {
         }
         let name = format!("{} ({unit})", ["x", "y", "z"][axis]);
         let by = if anchor == "middle" { 57.0 } else { 22.0 };
-        // Beside upright scales the name stands at the far end, where no number is.
+        // Beside upright scales the name stands between two numbers, or as far from a single one as the scale goes.
         match anchor {
             "middle" => text(at, by, "name", &name),
             _ => {
                 let between = match ticks {
                     [first, second, ..] => (first + second) / 2.0,
-                    _ => half,
+                    [only] if *only < half => self.bounds.most[axis],
+                    [_] => self.bounds.least[axis],
+                    [] => half,
                 };
                 text(on_edge(edge, between), by, "name", &name)
             }
@@ -407,8 +414,9 @@ mod tests {
                     .map(|c| c[axis])
                     .fold(f64::INFINITY, f64::min);
                 let most = corners.iter().map(|c| c[axis]).fold(0.0, f64::max);
-                assert!(least > MARGIN - 1e-6 && most < f64::from(side) - MARGIN + 1e-6);
-                (least - MARGIN).abs() < 1e-6
+                let margin = MARGIN[axis];
+                assert!(least > margin - 1e-6 && most < f64::from(side) - margin + 1e-6);
+                (least - margin).abs() < 1e-6
             };
             assert!(
                 touches(0, CANVAS.width) | touches(1, CANVAS.height),
