@@ -40,6 +40,8 @@ pub(crate) enum Command {
     Evaluate(Evaluate),
     /// Sweep settings over scenes: which of them cover most at which error
     Tune(Tune),
+    /// Write a recording as one HTML page: figures, points in space, how the run went
+    Report(Report),
     /// Check a graph file, and print the configuration it amounts to
     Validate(GraphFile),
     /// Print a graph as a Mermaid diagram
@@ -451,6 +453,21 @@ pub(crate) struct Tune {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Report {
+    /// The recording; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    /// The page to write
+    #[arg(short, long, value_name = "FILE.html")]
+    pub(crate) output: PathBuf,
+    /// The figures of the scans from A on, before B; without it, of the first of each scene, at most four
+    #[arg(long, value_name = "A..B")]
+    pub(crate) scans: Option<Scans>,
+    /// Overwrite a page that is there already
+    #[arg(long)]
+    pub(crate) force: bool,
 }
 
 #[derive(Debug, Args)]

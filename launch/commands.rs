@@ -8,6 +8,7 @@ mod graph;
 mod info;
 mod record;
 mod replay;
+mod report;
 mod rewrite;
 mod run;
 mod tune;
@@ -30,6 +31,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Export(args) => export::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Tune(args) => tune::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Graph(args) => graph::run(&args),
         Command::Clean => clean::run(),

@@ -27,7 +27,7 @@ messages::settings! {
 }
 
 /// The table of a graph file that concerns the graph as a whole.
-const GRAPH: &str = "graph";
+pub(crate) const GRAPH: &str = "graph";
 
 /// The nodes that let scans in.
 const SOURCES: [&str; 2] = ["capture", "replay"];

@@ -26,17 +26,20 @@ impl Colours {
     pub fn new() -> Self {
         let step = |i: usize| {
             let t = i as f64 / 255.0;
-            let hue = (300.0 - 200.0 * t).to_radians();
-            let lightness = 0.5 + 0.44 * t;
-            // The strongest chroma that the display still shows.
-            let shades = (0..=32).rev().map(|c| 0.18 * f64::from(c) / 32.0);
-            shades
-                .map(|chroma| srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin()))
-                .find(|rgb| rgb.iter().all(|c| (0.0..=1.0).contains(c)))
-                .map_or([0; 3], |rgb| rgb.map(|c| (c * 255.0).round() as u8))
+            strongest(0.5 + 0.44 * t, (300.0 - 200.0 * t).to_radians())
         };
         Self {
             steps: std::array::from_fn(step),
+        }
+    }
+
+    /// Once round the circle of hues at one lightness and one chroma: for directions, where the last step is next to the
+    /// first and none stands out.
+    pub fn circle() -> Self {
+        // The greatest chroma that the display shows of every hue is 0.127, and it is at this lightness.
+        let step = |i: usize| shown(0.75, 0.126, i as f64 / 256.0 * std::f64::consts::TAU);
+        Self {
+            steps: std::array::from_fn(|i| step(i).unwrap_or_default()),
         }
     }
 
@@ -44,6 +47,20 @@ impl Colours {
     pub fn of(&self, share: f32) -> [u8; 3] {
         self.steps[(share * 255.0) as usize & 255]
     }
+}
+
+/// The strongest colour of a lightness and a hue that the display still shows.
+fn strongest(lightness: f64, hue: f64) -> [u8; 3] {
+    let shades = (0..=32).rev().map(|c| 0.18 * f64::from(c) / 32.0);
+    let mut shown = shades.filter_map(|chroma| shown(lightness, chroma, hue));
+    shown.next().unwrap_or_default()
+}
+
+/// A colour, when the display shows it.
+fn shown(lightness: f64, chroma: f64, hue: f64) -> Option<[u8; 3]> {
+    let rgb = srgb_from_oklab(lightness, chroma * hue.cos(), chroma * hue.sin());
+    let is_shown = rgb.iter().all(|c| (0.0..=1.0).contains(c));
+    is_shown.then(|| rgb.map(|c| (c * 255.0).round() as u8))
 }
 
 fn srgb_from_oklab(l: f64, a: f64, b: f64) -> [f64; 3] {
@@ -101,6 +118,11 @@ impl Span {
             least: value(low),
             most: value((high + 1).min(255)),
         })
+    }
+
+    /// The least disparity of the span and the greatest.
+    pub fn ends(self) -> (f32, f32) {
+        (self.least, self.most)
     }
 
     /// Where a disparity lies in the span, 0 to 1.
@@ -426,6 +448,17 @@ mod tests {
             .collect();
         assert!(lights.windows(4).all(|w| w[3] > w[0]), "{lights:?}");
         assert!(colours.steps.iter().all(|rgb| *rgb != Colours::UNKNOWN));
+    }
+
+    #[test]
+    fn the_circle_of_colours_has_no_seam() {
+        let Colours { steps } = Colours::circle();
+        let apart = |a: [u8; 3], b: [u8; 3]| -> u32 {
+            a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(b))).sum()
+        };
+        let step = |i: usize| apart(steps[i], steps[(i + 1) % 256]);
+        assert!((0..256).all(|i| (1..20).contains(&step(i))));
+        assert!(apart(steps[0], steps[128]) > 100);
     }
 
     #[test]

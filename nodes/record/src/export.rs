@@ -1,6 +1,6 @@
 //! A recording's results in the formats of other trades: CSV, PFM, PLY, PNG.
 
-mod pictures;
+pub(crate) mod pictures;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -93,10 +93,7 @@ pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<PathBuf>
     }
     let files = [&wanted.csv, &wanted.pfm, &wanted.ply];
     for path in files.into_iter().flatten() {
-        let is_it = |part: &Part| is_same_file(&part.path, path);
-        if recording.parts.iter().any(is_it) {
-            return Err(ExportError::OntoItself(path.clone()));
-        }
+        not_onto_itself(recording, path)?;
     }
     let mut written = Vec::new();
     if let Some(path) = &wanted.csv {
@@ -235,6 +232,15 @@ fn topic(recording: &Recording, kind: Kind) -> Topic {
     Topic::of(&recording.metadata().rig, kind).swap_remove(0)
 }
 
+/// Refuses a file that is part of the recording.
+pub(crate) fn not_onto_itself(recording: &Recording, path: &Path) -> Result<(), ExportError> {
+    let is_it = |part: &Part| is_same_file(&part.path, path);
+    match recording.parts.iter().any(is_it) {
+        true => Err(ExportError::OntoItself(path.to_owned())),
+        false => Ok(()),
+    }
+}
+
 fn is_same_file(one: &Path, other: &Path) -> bool {
     let real = |path: &Path| fs::canonicalize(path).ok();
     real(one).is_some_and(|one| real(other) == Some(one))
@@ -242,7 +248,7 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
 
 /// Writes a file beside its place and moves it there: it is whole, or it is not there. What is no plain file, such as a
 /// pipe, is written to as it is; `-` is standard output.
-fn whole(
+pub(crate) fn whole(
     path: &Path,
     write: impl FnOnce(&mut File) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {

@@ -332,7 +332,7 @@ impl fmt::Display for Info {
 }
 
 /// The first few of a list.
-fn some_of(list: &[u64]) -> String {
+pub(crate) fn some_of(list: &[u64]) -> String {
     let shown: Vec<_> = list.iter().take(10).map(u64::to_string).collect();
     let more = if list.len() > 10 {
         format!(" and {} more", list.len() - 10)
@@ -342,7 +342,7 @@ fn some_of(list: &[u64]) -> String {
     shown.join(", ") + &more
 }
 
-fn bytes(count: u64) -> String {
+pub(crate) fn bytes(count: u64) -> String {
     let count = count as f64;
     match count {
         c if c >= 1e9 => format!("{:.2} GB", c / 1e9),
@@ -353,7 +353,7 @@ fn bytes(count: u64) -> String {
 }
 
 /// A time in nanoseconds since 1970 as people write it.
-fn date(nanos: u64) -> String {
+pub(crate) fn date(nanos: u64) -> String {
     jiff::Timestamp::from_nanosecond(i128::from(nanos)).map_or_else(
         |_| format!("{nanos} ns"),
         |time| time.strftime("%Y-%m-%d %H:%M:%S%.3f UTC").to_string(),

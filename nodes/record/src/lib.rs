@@ -3,7 +3,7 @@
 //! ```text
 //! samples of a scan ─► Encoder ─► Batch ─► WriterThread ─► art.mcap, art.1.mcap …
 //!                                                              │
-//!                       info, export, replay ◄─ Recording ◄────┘
+//!                       info, export, report, replay ◄─ Recording ◄────┘
 //! ```
 //!
 //! A scan is encoded on the node's thread, and compressed, written and flushed on another: when its
@@ -18,6 +18,7 @@ mod export;
 mod info;
 #[cfg(feature = "node")]
 pub mod node;
+mod report;
 mod rewrite;
 mod seal;
 mod settings;
@@ -33,6 +34,7 @@ pub use attach::{Attach, AttachError, Attached, Wish, attach};
 pub use batch::{Batch, Encoder, taken_kinds};
 pub use export::{CSV_HEADER, Export, ExportError, export};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
+pub use report::{Known, MOST_SCENES, Page, ReportError, Reported, report};
 pub use rewrite::{RewriteError, Rewritten, Split, Wanted, rewrite};
 pub use seal::{SealError, Sealed, seal};
 pub use settings::{Compression, Settings};

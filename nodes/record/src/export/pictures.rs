@@ -71,14 +71,14 @@ pub(super) fn pictures(
 }
 
 /// A picture in memory.
-struct Picture {
-    size: Size,
-    colours: ExtendedColorType,
-    bytes: Vec<u8>,
+pub(crate) struct Picture {
+    pub(crate) size: Size,
+    pub(crate) colours: ExtendedColorType,
+    pub(crate) bytes: Vec<u8>,
 }
 
 impl Picture {
-    fn gray(size: Size, bytes: Vec<u8>) -> Self {
+    pub(crate) fn gray(size: Size, bytes: Vec<u8>) -> Self {
         Self {
             size,
             colours: ExtendedColorType::L8,
@@ -120,7 +120,7 @@ impl Picture {
 }
 
 /// The pixel a place falls on, inside the picture.
-fn pixel(size: Size, x: f32, y: f32) -> Option<(u32, u32)> {
+pub(crate) fn pixel(size: Size, x: f32, y: f32) -> Option<(u32, u32)> {
     let (x, y) = (x.round(), y.round());
     let inside = x >= 0.0 && y >= 0.0 && x < size.width as f32 && y < size.height as f32;
     inside.then_some((x as u32, y as u32))
@@ -137,7 +137,7 @@ pub(super) fn gray_at(pixels: &[u8], size: Size, x: f32, y: f32) -> u8 {
 }
 
 /// Dark where a zero-crossing is, on white.
-fn zero_crossings(size: Size, edges: &[Edge]) -> Picture {
+pub(crate) fn zero_crossings(size: Size, edges: &[Edge]) -> Picture {
     let mut picture = GrayImage::from_pixel(size.width, size.height, [255].into());
     for edge in edges {
         if let Some((x, y)) = pixel(size, edge.x, edge.y) {
@@ -148,7 +148,7 @@ fn zero_crossings(size: Size, edges: &[Edge]) -> Picture {
 }
 
 /// The full circle of orientations as 1 to 255, on black.
-fn orientation(size: Size, edges: &[Edge]) -> Picture {
+pub(crate) fn orientation(size: Size, edges: &[Edge]) -> Picture {
     let mut picture = GrayImage::new(size.width, size.height);
     for edge in edges {
         if let Some((x, y)) = pixel(size, edge.x, edge.y) {
@@ -160,7 +160,7 @@ fn orientation(size: Size, edges: &[Edge]) -> Picture {
 }
 
 /// Every curve in a colour of its own, its centroid crossed, on black.
-fn segments(size: Size, view: CurvesView<'_>) -> Picture {
+pub(crate) fn segments(size: Size, view: CurvesView<'_>) -> Picture {
     let mut picture = RgbImage::new(size.width, size.height);
     let mut put = |x: f32, y: f32, colour: [u8; 3]| {
         if let Some((x, y)) = pixel(size, x, y) {
@@ -175,7 +175,9 @@ fn segments(size: Size, view: CurvesView<'_>) -> Picture {
             .for_each(|edge| put(edge.x, edge.y, colour));
     }
     for curve in view.curves {
-        for step in -2i8..=2 {
+        // A cross is no larger than its curve.
+        let arm: i8 = if curve.length < SHORT { 1 } else { 2 };
+        for step in -arm..=arm {
             let (step, colour) = (f32::from(step), colour_of(curve.label).map(|c| c / 2 + 127));
             put(curve.x + step, curve.y, colour);
             put(curve.x, curve.y + step, colour);
@@ -184,9 +186,16 @@ fn segments(size: Size, view: CurvesView<'_>) -> Picture {
     Picture::rgb(size, picture.into_raw())
 }
 
+/// Curves shorter than this, in pixels, have small crosses at their centroids.
+const SHORT: f32 = 24.0;
+
+/// How many labels have colours of their own: with the lighter ones of their centroids and black no more colours than a
+/// picture with a palette can have.
+const COLOURED: u32 = 127;
+
 /// A colour that neighbouring labels do not share: hues a golden angle apart.
 fn colour_of(label: u32) -> [u8; 3] {
-    let hue = f64::from(label) * 0.618_033_988_749_895 * 6.0 % 6.0;
+    let hue = f64::from(label % COLOURED) * 0.618_033_988_749_895 * 6.0 % 6.0;
     [0.0, 2.0, 4.0].map(|third: f64| {
         let off = (hue - third).rem_euclid(6.0);
         let near = (off.min(6.0 - off) - 1.0).clamp(0.0, 1.0);
