@@ -40,6 +40,8 @@ pub(crate) struct Rows {
     per_row: usize,
     /// The curve each point belongs to.
     pub(crate) curve_of: Vec<u32>,
+    /// Whether each point was found along a row.
+    in_row: Vec<bool>,
 }
 
 impl Rows {
@@ -51,6 +53,9 @@ impl Rows {
         for (label, curve) in (0..).zip(view.curves.curves) {
             self.curve_of[curve.range()].fill(label);
         }
+        // In the points' own order, which is memory's: what lies far apart in a row's order is near by then.
+        self.in_row.clear();
+        self.in_row.extend(points.iter().map(is_in_row));
         self.spots.clear();
         self.starts.clear();
         self.starts.push(0);
@@ -58,8 +63,8 @@ impl Rows {
         self.per_row = width as usize / CELL + 1;
         for ends in view.tables.rows.windows(2) {
             for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
-                let edge = &points[point as usize];
-                if is_in_row(edge) {
+                if self.in_row[point as usize] {
+                    let edge = &points[point as usize];
                     self.spots
                         .push(Spot::new(edge, point, self.curve_of[point as usize]));
                 }
