@@ -62,22 +62,25 @@ impl Rows {
         self.cells.clear();
         self.per_row = width as usize / CELL + 1;
         for ends in view.tables.rows.windows(2) {
+            // Counted cell by cell, which needs no guess where one ends.
+            let row = self.cells.len();
+            self.cells.resize(row + self.per_row + 1, 0);
+            let cells = &mut self.cells[row..];
+            cells[0] = self.spots.len() as u32;
             for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
                 if self.in_row[point as usize] {
                     let edge = &points[point as usize];
                     self.spots
                         .push(Spot::new(edge, point, self.curve_of[point as usize]));
+                    cells[(edge.x as usize / CELL).min(self.per_row - 1) + 1] += 1;
                 }
             }
-            let row = *self.starts.last().unwrap_or(&0) as usize;
-            let mut at = row;
-            for cell in 0..self.per_row {
-                let left = (cell * CELL) as f32;
-                while at < self.spots.len() && self.spots[at].x < left {
-                    at += 1;
-                }
-                self.cells.push(at as u32);
+            let mut start = 0;
+            for cell in cells {
+                start += *cell;
+                *cell = start;
             }
+            self.cells.truncate(row + self.per_row);
             self.starts.push(self.spots.len() as u32);
         }
     }
