@@ -1,7 +1,7 @@
 //! How long the match stage takes for three views in three channels.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use matching::{ChannelView, Matcher, Settings};
+use matching::{Assignment, ChannelView, Matcher, Method, Settings};
 use messages::{
     Calibration, Curves, Disparity, Edges, Image, Matches, MatchesRoom, Message, Owned, Points,
     Size, Tables,
@@ -86,11 +86,25 @@ fn three_channels(criterion: &mut Criterion) {
     let (mut disparity, mut points) = (Owned::<Disparity>::new(SIZE), Owned::<Points>::new(SIZE));
     let calibration = Calibration::assumed(SIZE);
     for (name, settings) in [
-        ("point", Settings::default()),
+        ("three-view", Settings::default()),
         (
-            "curve",
+            "three-view-curve",
             Settings {
-                assignment: matching::Assignment::Curve,
+                assignment: Assignment::Curve,
+                ..Settings::default()
+            },
+        ),
+        (
+            "two-view",
+            Settings {
+                method: Method::TwoView,
+                ..Settings::default()
+            },
+        ),
+        (
+            "point",
+            Settings {
+                method: Method::Point,
                 ..Settings::default()
             },
         ),

@@ -3,6 +3,9 @@
 //! ```text
 //! curves, R-tables of three views, coarse to fine ─► candidates ─► along curves ─► support ─► matches ─► fused points
 //! ```
+//!
+//! The thesis compares it with two rivals, which are here too ([`Method`]): curves in two views, which is the same without
+//! the third view, and zero-crossings one by one in two views. What comes out has one form.
 
 mod along;
 mod by_curve;

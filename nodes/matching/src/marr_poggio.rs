@@ -1,4 +1,4 @@
-//! Point matching in two views, the oldest rival: every zero-crossing for itself, coarse to fine.
+//! Point matching in two views, the older rival: every zero-crossing for itself, coarse to fine.
 //!
 //! After Marr and Poggio (A computational theory of human stereo vision, 1979) as Grimson built it (A computer
 //! implementation of a theory of human stereo vision, 1981; Computational experiments with a feature based stereo

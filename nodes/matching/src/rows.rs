@@ -40,6 +40,8 @@ pub(crate) struct Rows {
     per_row: usize,
     /// The curve each point belongs to.
     pub(crate) curve_of: Vec<u32>,
+    /// Whether each point was found along a row.
+    in_row: Vec<bool>,
 }
 
 impl Rows {
@@ -51,28 +53,34 @@ impl Rows {
         for (label, curve) in (0..).zip(view.curves.curves) {
             self.curve_of[curve.range()].fill(label);
         }
+        // In the points' own order, which is memory's: what lies far apart in a row's order is near by then.
+        self.in_row.clear();
+        self.in_row.extend(points.iter().map(is_in_row));
         self.spots.clear();
         self.starts.clear();
         self.starts.push(0);
         self.cells.clear();
         self.per_row = width as usize / CELL + 1;
         for ends in view.tables.rows.windows(2) {
+            // Counted cell by cell, which needs no guess where one ends.
+            let row = self.cells.len();
+            self.cells.resize(row + self.per_row + 1, 0);
+            let cells = &mut self.cells[row..];
+            cells[0] = self.spots.len() as u32;
             for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
-                let edge = &points[point as usize];
-                if is_in_row(edge) {
+                if self.in_row[point as usize] {
+                    let edge = &points[point as usize];
                     self.spots
                         .push(Spot::new(edge, point, self.curve_of[point as usize]));
+                    cells[(edge.x as usize / CELL).min(self.per_row - 1) + 1] += 1;
                 }
             }
-            let row = *self.starts.last().unwrap_or(&0) as usize;
-            let mut at = row;
-            for cell in 0..self.per_row {
-                let left = (cell * CELL) as f32;
-                while at < self.spots.len() && self.spots[at].x < left {
-                    at += 1;
-                }
-                self.cells.push(at as u32);
+            let mut start = 0;
+            for cell in cells {
+                start += *cell;
+                *cell = start;
             }
+            self.cells.truncate(row + self.per_row);
             self.starts.push(self.spots.len() as u32);
         }
     }

@@ -152,7 +152,7 @@ messages::settings! {
         /// Assignment of curves: what points without a partner get: along (interpolated) or centroid (the thesis).
         pub filling: Filling = Filling::Along;
         /// Method point: central widths of the filter searched to either side of what the coarser channel knows. Within
-        /// one, zero-crossings of one sign are rarely ambiguous (Marr and Poggio 1979).
+        /// half of one false targets are rare, within one every other point has one (Marr and Poggio 1979).
         pub reach_widths: f32 = 1.0, in 0.1..=100;
         /// Method point: share of the unambiguous matches around a point that must agree on one of its candidates.
         pub majority: f32 = 0.5, in 0..=1;

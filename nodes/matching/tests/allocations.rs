@@ -4,7 +4,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use matching::{Assignment, ChannelView, Matcher, Settings};
+use matching::{Assignment, ChannelView, Matcher, Method, Settings};
 use messages::{Calibration, Disparity, Matches, Message, Points, Size};
 
 #[path = "synthetic/scene.rs"]
@@ -57,9 +57,16 @@ fn matching_the_second_scan_allocates_nothing() {
         tables: messages[v].1.view(),
     });
     let inputs = [views, views];
-    for assignment in [Assignment::Point, Assignment::Curve] {
+    for (method, assignment) in [
+        (Method::ThreeView, Assignment::Point),
+        (Method::ThreeView, Assignment::Curve),
+        (Method::TwoView, Assignment::Point),
+        (Method::TwoView, Assignment::Curve),
+        (Method::Point, Assignment::Point),
+    ] {
         let mut matcher = Matcher::new(
             &Settings {
+                method,
                 assignment,
                 ..Settings::default()
             },
@@ -91,6 +98,6 @@ fn matching_the_second_scan_allocates_nothing() {
         }
         assert!(!points.points.is_empty());
         assert!(allocations[0] > 0, "the counter counts");
-        assert_eq!(allocations[1..], [0, 0], "{assignment:?}");
+        assert_eq!(allocations[1..], [0, 0], "{method:?}, {assignment:?}");
     }
 }

@@ -3,9 +3,9 @@
 
 mod scene;
 
-use matching::{Assignment, Matcher, Reference, Settings};
+use matching::{Assignment, Matcher, Method, Reference, Settings};
 use messages::{Edge, Size};
-use scene::{Found, Scene, View, wavy};
+use scene::{Found, Scene, View, chance, wavy};
 
 const SIZE: Size = Size::new(400, 300);
 
@@ -30,6 +30,22 @@ fn many() -> (Scene, Vec<f32>) {
         scene.add(&curve, |_| disparity);
     }
     (scene, truth)
+}
+
+/// Every way of matching: the method, its rivals, and what each assigns.
+fn ways() -> impl Iterator<Item = Settings> {
+    let curves = [Method::ThreeView, Method::TwoView].map(|method| {
+        [Assignment::Point, Assignment::Curve].map(|assignment| Settings {
+            method,
+            assignment,
+            ..Settings::default()
+        })
+    });
+    let points = Settings {
+        method: Method::Point,
+        ..Settings::default()
+    };
+    curves.into_iter().flatten().chain([points])
 }
 
 #[test]
@@ -223,7 +239,7 @@ fn a_grating_is_left_alone_rather_than_mismatched() {
 
 #[test]
 fn opposite_contrast_never_matches() {
-    for assignment in [Assignment::Point, Assignment::Curve] {
+    for way in ways() {
         let (mut scene, _) = many();
         for edge in &mut scene.views[1].points {
             edge.orientation += if edge.orientation > 0.0 {
@@ -232,40 +248,43 @@ fn opposite_contrast_never_matches() {
                 std::f32::consts::PI
             };
         }
-        let found = run(
-            &scene,
-            &Settings {
-                assignment,
-                ..Settings::default()
-            },
-        );
-        assert!(found.points.is_empty());
+        let found = run(&scene, &way);
+        assert!(found.points.is_empty(), "{:?}", way.method);
     }
 }
 
 #[test]
 fn the_central_and_the_right_view_see_the_same_as_the_left() {
     let (scene, truth) = many();
-    let left = run(&scene, &Settings::default());
-    for (reference, steps) in [(Reference::Centre, 1.0), (Reference::Right, 2.0)] {
-        let other = run(
-            &scene,
-            &Settings {
-                reference,
-                ..Settings::default()
-            },
-        );
-        assert_eq!(other.points.len(), left.points.len());
-        for (curve, (a, b)) in left
-            .by_curve(truth.len())
-            .iter()
-            .zip(other.by_curve(truth.len()))
-            .enumerate()
-        {
-            assert_eq!(a.len(), b.len());
-            for (a, b) in a.iter().zip(b) {
-                assert!((a.u - steps * truth[curve] - b.u).abs() < 0.01);
-                assert!((a.disparity - b.disparity).abs() < 0.02);
+    for way in ways().filter(|way| way.assignment == Assignment::Point) {
+        let left = run(&scene, &way);
+        for (reference, steps) in [(Reference::Centre, 1.0), (Reference::Right, 2.0)] {
+            let other = run(
+                &scene,
+                &Settings {
+                    reference,
+                    ..way.clone()
+                },
+            );
+            // Each point for itself finds now and then a chance partner in one view and not in another.
+            let is_exact = way.method != Method::Point;
+            assert!(!is_exact || other.points.len() == left.points.len());
+            assert!(!other.points.is_empty());
+            for (curve, (a, b)) in left
+                .by_curve(truth.len())
+                .iter()
+                .zip(other.by_curve(truth.len()))
+                .enumerate()
+            {
+                assert!(!is_exact || a.len() == b.len());
+                for a in a {
+                    let Some(b) = b.iter().find(|b| b.v == a.v) else {
+                        assert!(!is_exact);
+                        continue;
+                    };
+                    assert!((a.u - steps * truth[curve] - b.u).abs() < 0.01);
+                    assert!((a.disparity - b.disparity).abs() < 0.02);
+                }
             }
         }
     }
@@ -292,12 +311,8 @@ fn points_are_in_raster_order_and_lie_where_calibration_says() {
 #[test]
 fn the_same_scan_gives_the_same_bytes() {
     let (scene, _) = many();
-    for assignment in [Assignment::Point, Assignment::Curve] {
-        let settings = Settings {
-            assignment,
-            ..Settings::default()
-        };
-        let mut matcher = Matcher::new(&settings, &[1.0]);
+    for way in ways() {
+        let mut matcher = Matcher::new(&way, &[1.0]);
         let first = scene.run(&mut matcher, SIZE);
         // What came in between leaves no trace.
         Scene::default().run(&mut matcher, Size::new(64, 48));
@@ -310,14 +325,8 @@ fn the_same_scan_gives_the_same_bytes() {
 
 #[test]
 fn empty_scans_of_any_size_give_empty_results() {
-    for assignment in [Assignment::Point, Assignment::Curve] {
-        let mut matcher = Matcher::new(
-            &Settings {
-                assignment,
-                ..Settings::default()
-            },
-            &[4.0, 1.0],
-        );
+    for way in ways() {
+        let mut matcher = Matcher::new(&way, &[4.0, 1.0]);
         for size in [Size::new(32, 32), Size::new(640, 480), Size::new(33, 512)] {
             let found = Scene::default().run(&mut matcher, size);
             assert!(found.points.is_empty() && found.matches.is_empty());
@@ -385,4 +394,145 @@ fn surer_points_have_higher_scores() {
     };
     assert_eq!(found.matches.len(), truth.len());
     assert!(mean(false) > mean(true));
+}
+
+#[test]
+fn where_nothing_is_ambiguous_all_methods_agree_with_the_truth() {
+    // A few curves, far from each other.
+    let mut scene = Scene::default();
+    let disparities: Vec<f32> = (0..12).map(|number| 3.0 + 2.5 * number as f32).collect();
+    for (number, &disparity) in (0..).zip(&disparities) {
+        let (column, row) = (number % 3, number / 3);
+        let curve = wavy(
+            90.0 + 120.0 * column as f32,
+            10 + 70 * row,
+            60,
+            number as u32,
+        );
+        scene.add(&curve, |_| disparity);
+    }
+    for way in ways() {
+        let found = run(&scene, &way);
+        assert_eq!(found.matches.len(), disparities.len(), "{:?}", way.method);
+        for (truth, points) in disparities.iter().zip(&found.by_curve(disparities.len())) {
+            assert!(points.len() >= 57, "{:?}: {}", way.method, points.len());
+            assert!(points.iter().all(|p| (p.disparity - truth).abs() < 0.02));
+        }
+    }
+}
+
+/// Like bars, no three of them evenly spaced; each view hides a quarter of them, and light differs from bar to bar and
+/// view to view.
+fn fence() -> (Scene, f32) {
+    let disparity = 13.0;
+    let mut bars: Vec<f32> = Vec::new();
+    for x in (45u16..390).map(f32::from) {
+        let is_even = |a: f32| {
+            let middle = (x + a) / 2.0;
+            x - a < 70.0 && bars.iter().any(|b| *b != a && (b - middle).abs() < 3.5)
+        };
+        let is_apart = bars.last().is_none_or(|last| x - last >= 7.0);
+        if is_apart && !bars.iter().any(|&a| is_even(a)) {
+            bars.push(x);
+        }
+    }
+    let mut scene = Scene::default();
+    for (number, x) in (0..).zip(bars) {
+        for (view, seen) in (0..).zip(&mut scene.views) {
+            if chance(200 + 3 * number + view) < 0.25 {
+                continue;
+            }
+            let light = (16.0 * chance(900 + 3 * number + view)) as u8;
+            let edge = |row: usize| Edge {
+                x: x - disparity * view as f32,
+                y: row as f32,
+                magnitude: 10.0,
+                orientation: 0.0,
+                profile: [40, 40, 40, 40, 160, 160, 160, 160].map(|gray| gray + light),
+            };
+            seen.push(&(20..280).map(edge).collect::<Vec<_>>());
+        }
+    }
+    (scene, disparity)
+}
+
+#[test]
+fn among_repeated_bars_three_views_make_no_mismatch_and_both_rivals_do() {
+    let (scene, disparity) = fence();
+    for way in ways() {
+        let found = run(
+            &scene,
+            &Settings {
+                disparity_least: 5.0,
+                disparity_most: Some(24.0),
+                ..way.clone()
+            },
+        );
+        let is_wrong = |d: f32| (d - disparity).abs() > 2.0;
+        let wrong = found
+            .points
+            .iter()
+            .filter(|p| is_wrong(p.disparity))
+            .count();
+        let name = (way.method, way.assignment);
+        match way.method {
+            Method::ThreeView => {
+                assert_eq!(wrong, 0, "{name:?}");
+                assert!(found.points.len() >= 2000, "{name:?}");
+            }
+            Method::TwoView | Method::Point => {
+                assert!(wrong >= 200, "{name:?}: {wrong} of {}", found.points.len());
+            }
+        }
+    }
+}
+
+#[test]
+fn two_views_look_neither_at_the_third_nor_for_it() {
+    let (scene, truth) = many();
+    let (mut alone, _) = many();
+    alone.views[2] = View::default();
+    for way in ways().filter(|way| way.method != Method::ThreeView) {
+        let (with, without) = (run(&scene, &way), run(&alone, &way));
+        assert!(with.matches.len() > truth.len() / 2, "{:?}", way.method);
+        assert_eq!(with.points, without.points);
+        assert!(
+            with.matches
+                .iter()
+                .all(|found| found.curves[2] == messages::NONE)
+        );
+        assert!(
+            with.matches
+                .iter()
+                .all(|found| found.curves[0] == found.curves[1])
+        );
+    }
+}
+
+#[test]
+fn a_region_of_which_too_few_points_match_is_dropped() {
+    // Of ten curves side by side the near view shows only some, and too few of one scan.
+    let shown = |count: usize| {
+        let mut scene = Scene::default();
+        for number in 0..10 {
+            let curve = wavy(60.0 + 30.0 * number as f32, 100, 60, number as u32);
+            scene.add(&curve, |_| 8.0);
+        }
+        scene.views[1].curves.truncate(count);
+        scene.views[1].points.truncate(60 * count);
+        let settings = Settings {
+            method: Method::Point,
+            disparity_most: Some(16.0),
+            ..Settings::default()
+        };
+        let all = Settings {
+            matched_share: 0.0,
+            ..settings.clone()
+        };
+        [run(&scene, &settings), run(&scene, &all)].map(|found| found.points.len())
+    };
+    let [kept, all] = shown(10);
+    assert_eq!(kept, all);
+    let [kept, all] = shown(5);
+    assert!(kept < all && kept > 0, "{kept} of {all}");
 }
