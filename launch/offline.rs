@@ -4,10 +4,11 @@
 use capture::Source;
 use evaluate::{Evaluator, Known};
 use matching::{ChannelView, Matcher};
+use messages::recording::{ReadError, Recording};
 use messages::settings::Settings;
 use messages::{
-    Calibration, Curves, Disparity, Edges, Evaluation, Image, Matches, Message, NONE, Owned, Point,
-    Points, Score, Share, Size, Tables,
+    Calibration, Curves, Disparity, Edges, Evaluation, Image, Kind, Matches, Message, NONE, Owned,
+    Point, Points, Score, Share, Size, Tables, Topic, Truth,
 };
 
 use crate::Failure;
@@ -99,6 +100,52 @@ impl Tabulated {
             }
         }
         Ok(tabulated)
+    }
+
+    /// Reads from a recording what was recorded of a scan as far as its R-tables, and the truth of the reference view.
+    ///
+    /// # Errors
+    /// When something of it was not recorded or is damaged.
+    pub(crate) fn of_recording(
+        recording: &mut Recording,
+        scan: u64,
+    ) -> Result<(Self, Vec<f32>), ReadError> {
+        let codec = recording.codec().clone();
+        let rig = recording.metadata().rig.clone();
+        let read = recording.scan(scan)?;
+        let images = Topic::of(&rig, Kind::Image);
+        let images = images.iter().map(|topic| read.decode(&codec, topic));
+        let images: Vec<Owned<Image>> = images.collect::<Result<_, _>>()?;
+        let size = images.first().map_or(rig.size, |image| image.header.size());
+        let (mut curves, mut tables) = (Vec::new(), Vec::new());
+        for channel in 0..rig.channels.len() as u32 {
+            let of = |kind| {
+                let mut topics = Topic::of(&rig, kind);
+                topics.retain(|topic| topic.channel == channel);
+                topics
+            };
+            for topic in of(Kind::Curves) {
+                curves.push(read.decode::<Curves>(&codec, &topic)?);
+            }
+            for topic in of(Kind::Tables) {
+                tables.push(read.decode::<Tables>(&codec, &topic)?);
+            }
+        }
+        let mut truth = Vec::new();
+        for topic in Topic::of(&rig, Kind::Truth) {
+            let read = read.decode::<Truth>(&codec, &topic)?;
+            truth.extend_from_slice(read.view().disparity);
+        }
+        recording.reuse(read);
+        let tabulated = Self {
+            size,
+            calibration: rig.calibration(size),
+            channels: rig.channels,
+            images,
+            curves,
+            tables,
+        };
+        Ok((tabulated, truth))
     }
 
     /// Matches the scan.

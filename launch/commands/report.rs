@@ -2,12 +2,16 @@
 
 use std::path::Path;
 
+use evaluate::Evaluator;
+use matching::Method;
+use messages::Score;
 use messages::settings::{Key, Settings as _};
-use record::{ExportError, Known, Page, Recording, ReportError, report};
+use record::{ExportError, Known, Mismatches, Page, Recording, ReportError, report};
 use serde_json::{Map, Value};
 
 use crate::cli::{Profile, Report as Args};
 use crate::graph::{self, GRAPH};
+use crate::offline::Tabulated;
 use crate::registry::NODES;
 use crate::{Failure, Outcome};
 
@@ -23,7 +27,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         overwrite: args.force,
         known: known()?,
     };
-    let reported = report(&mut recording, &page, &args.output).map_err(|error| match error {
+    let reported = report(&mut recording, &page, &args.output, &mut mismatches);
+    let reported = reported.map_err(|error| match error {
         ReportError::Exists(_) | ReportError::Write(ExportError::OntoItself(_)) => {
             Failure::usage(error)
         }
@@ -40,6 +45,56 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
     }
 }
+
+/// False targets of the three methods in a scan, matched anew with the recording's own settings; nothing where it does
+/// not hold all that takes.
+fn mismatches(recording: &mut Recording, scan: u64) -> Option<Mismatches> {
+    let configuration = &recording.metadata().configuration;
+    let own = configuration.get("match")?.clone();
+    let own: matching::Settings = serde_json::from_value(own).ok()?;
+    let evaluate = configuration.get("evaluate").cloned().unwrap_or_default();
+    let evaluate: evaluate::Settings = serde_json::from_value(evaluate).unwrap_or_default();
+    let view = evaluate.view as usize;
+    let (scan, truth) = Tabulated::of_recording(recording, scan).ok()?;
+    if view >= 3 || recording.metadata().rig.views.len() != 3 {
+        return None;
+    }
+    let mut evaluator = Evaluator::new(&evaluate);
+    let by_method: Vec<Vec<Score>> = METHODS
+        .iter()
+        .map(|(_, method)| {
+            let settings = matching::Settings {
+                method: *method,
+                ..own.clone()
+            };
+            let matched = scan.matched(&settings);
+            matched
+                .evaluated(&scan, &mut evaluator, view, &truth)
+                .scores
+        })
+        .collect();
+    let row = |name: String, at: usize| {
+        let cells = by_method.iter().filter_map(|scores| scores.get(at));
+        let cells = cells.map(|score| (score.mismatches, score.points));
+        (name, cells.collect())
+    };
+    let channels = scan.channels.iter().zip(1..);
+    let mut rows: Vec<_> = channels
+        .map(|(variance, at)| row(format!("σ² = {variance}"), at))
+        .collect();
+    rows.push(row("all together".to_owned(), 0));
+    Some(Mismatches {
+        methods: METHODS.map(|(name, _)| name.to_owned()).to_vec(),
+        rows,
+    })
+}
+
+/// The methods of the thesis's table.
+const METHODS: [(&str, Method); 3] = [
+    ("points, two views", Method::Point),
+    ("curves, two views", Method::TwoView),
+    ("curves, three views", Method::ThreeView),
+];
 
 /// What the registry says of settings: their values in every profile, and what they mean.
 fn known() -> Result<Known, Failure> {

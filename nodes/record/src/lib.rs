@@ -34,7 +34,7 @@ pub use attach::{Attach, AttachError, Attached, Wish, attach};
 pub use batch::{Batch, Encoder, taken_kinds};
 pub use export::{CSV_HEADER, Export, ExportError, export};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
-pub use report::{Known, MOST_SCENES, Page, ReportError, Reported, report};
+pub use report::{Known, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report};
 pub use rewrite::{RewriteError, Rewritten, Split, Wanted, rewrite};
 pub use seal::{SealError, Sealed, seal};
 pub use settings::{Compression, Settings};

@@ -1,12 +1,13 @@
 //! A recording as one page for people: what it is, its figures, its points in space, how the run went.
 //!
 //! ```text
-//! Recording ─► head ─► scans: figures │ space │ plots ─► run: plots, ledger, settings ─► report.html
+//! Recording ─► head ─► scans: figures │ space │ plots ─► accuracy ─► run: plots, ledger, settings ─► report.html
 //! ```
 //!
 //! The page holds everything it shows, and nothing but what the recording says: the same recording gives the same
 //! bytes. What cannot be read of it is said where it would stand.
 
+mod accuracy;
 mod figures;
 mod page;
 mod plot;
@@ -29,6 +30,7 @@ use crate::export::{not_onto_itself, whole};
 use crate::info::{bytes, date, some_of};
 use crate::{ExportError, Info, Recording};
 
+pub use accuracy::{Mismatches, Rivals};
 pub use settings::Known;
 
 /// Why there is no page.
@@ -71,7 +73,7 @@ pub const MOST_SCENES: usize = 4;
 /// Over the scans no more points are plotted: a page is no wider, and a long recording need not be read whole.
 const MOST_PLOTTED: usize = 400;
 
-/// Writes the page.
+/// Writes the page. `rivals` is asked what other methods make of the scans shown, where there is a truth to tell.
 ///
 /// # Errors
 /// When it cannot be written, or must not be; it is there whole or not at all.
@@ -79,6 +81,7 @@ pub fn report(
     recording: &mut Recording,
     wanted: &Page,
     path: &Path,
+    rivals: &mut Rivals<'_>,
 ) -> Result<Reported, ReportError> {
     not_onto_itself(recording, path)?;
     // A pipe or the standard output has nothing to lose.
@@ -92,7 +95,7 @@ pub fn report(
     };
     whole(path, |file| {
         let mut file = BufWriter::new(file);
-        write(recording, wanted, &mut reported, &mut |html| {
+        write(recording, wanted, &mut reported, rivals, &mut |html| {
             file.write_all(html.as_bytes())?;
             html.clear();
             Ok(())
@@ -175,6 +178,7 @@ fn write(
     recording: &mut Recording,
     wanted: &Page,
     reported: &mut Reported,
+    rivals: &mut Rivals<'_>,
     flush: &mut dyn FnMut(&mut String) -> std::io::Result<()>,
 ) -> Result<(), Fault> {
     let info = Info::of(recording);
@@ -193,7 +197,9 @@ fn write(
         reported.unreadable_bytes += scan::section(&mut html, recording, scan, &title)?;
         flush(&mut html)?;
     }
-    accuracy_section(&mut html, recording)?;
+    let (all, _) = plotted(recording);
+    accuracy::section(&mut html, recording, &reported.scans, &all, rivals)?;
+    flush(&mut html)?;
     run(&mut html, recording)?;
     ledger(&mut html, &info)?;
     html.push_str("<section id=\"settings\"><h2>Settings</h2>");
@@ -252,6 +258,9 @@ fn contents(out: &mut String, recording: &Recording, scans: &[u64]) -> fmt::Resu
     for &scan in scans.iter().take(12) {
         let title = title(recording, scan);
         write!(out, "<a href=\"#scan-{scan}\">{}</a>", escape(title))?;
+    }
+    if accuracy::is_there(recording) {
+        out.push_str("<a href=\"#accuracy\">Accuracy</a>");
     }
     out.write_str(
         "<a href=\"#run\">Run</a><a href=\"#ledger\">Ledger</a><a href=\"#settings\">Settings</a></nav>\n",
@@ -356,10 +365,11 @@ fn shown_scans(recording: &Recording, shown: &[u64]) -> String {
     }
 }
 
-/// How good the results are, where the recording holds an `evaluation` against the truth. None does yet: this is where
-/// its section goes.
-fn accuracy_section(_: &mut String, _: &Recording) -> fmt::Result {
-    Ok(())
+/// The scans that are plotted, and of how many each stands for one.
+fn plotted(recording: &Recording) -> (Vec<u64>, usize) {
+    let scans = recording.scans();
+    let every = scans.len().div_ceil(MOST_PLOTTED).max(1);
+    (scans.step_by(every).collect(), every)
 }
 
 /// One of a scan's numbers.
@@ -368,16 +378,8 @@ type Of = fn(&Statistics) -> f64;
 /// How the run went, scan by scan.
 fn run(out: &mut String, recording: &mut Recording) -> fmt::Result {
     out.push_str("<section id=\"run\"><h2>Run</h2>");
-    let mut scans: Vec<u64> = recording.scans().collect();
-    let total = scans.len();
-    let every = total.div_ceil(MOST_PLOTTED).max(1);
-    scans.retain({
-        let mut place = 0;
-        move |_| {
-            place += 1;
-            (place - 1) % every == 0
-        }
-    });
+    let total = recording.scans().len();
+    let (scans, every) = plotted(recording);
     let (mut statistics, mut unreadable) = (Vec::new(), 0u64);
     for scan in scans {
         let read = recording.scan_of(scan, |topic| topic == "statistics");
