@@ -134,11 +134,9 @@ fn not_held(source: &Recording, from: Stage) -> Vec<Kind> {
 fn computing(source: &Recording, from: Stage, to: Stage) -> Vec<Stage> {
     let knows_truth = !not_held(source, from).contains(&Kind::Truth);
     let configuration = &source.metadata().configuration;
-    let computes = |stage: &Stage| {
-        (from..=to).contains(stage)
-            && configuration.get(stage.name()).is_some()
-            && (*stage != Stage::Evaluate || knows_truth)
-    };
+    let is_evaluated = knows_truth && configuration.get(Stage::Evaluate.name()).is_some();
+    let computes =
+        |stage: &Stage| (from..=to).contains(stage) && (*stage != Stage::Evaluate || is_evaluated);
     Stage::ALL.into_iter().skip(1).filter(computes).collect()
 }
 

@@ -82,7 +82,7 @@ fn mismatches(recording: &mut Recording, scan: u64) -> Option<Mismatches> {
     let mut rows: Vec<_> = channels
         .map(|(variance, at)| row(format!("σ² = {variance}"), at))
         .collect();
-    rows.push(row("all together".to_owned(), 0));
+    rows.push(row("all".to_owned(), 0));
     Some(Mismatches {
         methods: METHODS.map(|(name, _)| name.to_owned()).to_vec(),
         rows,

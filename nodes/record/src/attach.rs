@@ -8,9 +8,9 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
+use messages::Header;
 use messages::bus::{BusError, Guest, Joined, LOOK_EVERY, Run};
 use messages::ledger::Ledger;
-use messages::{Header, Kind};
 
 use crate::{
     Batch, Encoder, Metadata, Settings, WriteError, Writer, WriterThread, part_path, spawn,
@@ -95,16 +95,13 @@ pub fn attach(
         run,
         metadata,
         topic,
-        mut settings,
+        settings,
         snapshot,
     } = attach;
-    // Of what nobody makes there are no topics.
     let made = run.kinds();
-    let unmade = Kind::ALL.into_iter().filter(|kind| !made.contains(kind));
-    settings.without.extend(unmade);
-    let encoder = Encoder::new(&metadata.rig, metadata.reference, &settings).only(topic);
+    let encoder = Encoder::new(&metadata.rig, metadata.reference, &made, &settings).only(topic);
     let path = PathBuf::from(&settings.file);
-    let mut guest = Guest::join(run, &format!("record.{}", std::process::id()), &run.kinds())?;
+    let mut guest = Guest::join(run, &format!("record.{}", std::process::id()), &made)?;
     let keep = match snapshot {
         Some(seconds) => Keep::Memory(Box::new(Memory {
             seconds,

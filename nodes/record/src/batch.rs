@@ -118,12 +118,15 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// For scans of a rig whose disparities and points are those of the view with index `reference`.
-    pub fn new(rig: &Rig, reference: usize, settings: &Settings) -> Self {
+    /// For scans of a rig whose disparities and points are those of the view with index `reference`, and of which these
+    /// kinds of message are made.
+    pub fn new(rig: &Rig, reference: usize, made: &[Kind], settings: &Settings) -> Self {
         let codec = Codec::new(rig.clone(), reference);
         let mut channels = codec.channels(settings.views);
         channels.retain(|channel| match &channel.content {
-            Content::Data(topic) => !settings.without.contains(&topic.kind),
+            Content::Data(topic) => {
+                made.contains(&topic.kind) && !settings.without.contains(&topic.kind)
+            }
             _ => true,
         });
         Self {

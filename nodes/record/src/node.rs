@@ -10,7 +10,7 @@ use messages::bus::{
 };
 use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
-use messages::{Header, Kind, Rig};
+use messages::{Header, Rig};
 
 use crate::{
     Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread,
@@ -46,13 +46,8 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     let mut heard = bus.hear_reports()?;
     let done = bus.finisher()?;
     let metadata = metadata(bus, start);
-    // Of what nobody makes there are no topics.
-    let mut settings = settings;
     let made = bus.run().kinds();
-    settings
-        .without
-        .extend(Kind::ALL.into_iter().filter(|kind| !made.contains(kind)));
-    let encoder = Encoder::new(&metadata.rig, metadata.reference, &settings);
+    let encoder = Encoder::new(&metadata.rig, metadata.reference, &made, &settings);
     let writer = open(bus, &settings, &metadata, &encoder, start)?;
     let thread = spawn(writer, notify(bus)).map_err(RecordError::Thread)?;
     let mut recorder = Recorder::new(encoder, thread, done, start.resume.done_below);

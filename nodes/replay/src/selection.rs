@@ -78,10 +78,15 @@ pub fn check_cut(
     from: Stage,
     stages: &[Stage],
 ) -> Result<(), SelectionError> {
-    check_needed(recording, from, &needed_kinds(from, stages))
+    check_needed(recording, from, &needed_kinds(from, stages), stages)
 }
 
-fn check_needed(recording: &Recording, from: Stage, needed: &[Kind]) -> Result<(), SelectionError> {
+fn check_needed(
+    recording: &Recording,
+    from: Stage,
+    needed: &[Kind],
+    stages: &[Stage],
+) -> Result<(), SelectionError> {
     let rig = &recording.metadata().rig;
     let channels = recording.channels();
     let missing = |kinds: &[Kind]| -> Vec<String> {
@@ -97,22 +102,24 @@ fn check_needed(recording: &Recording, from: Stage, needed: &[Kind]) -> Result<(
         };
         kinds.iter().filter_map(among).collect()
     };
-    let lacking = missing(needed);
+    // What was recorded without a stage's settings cannot be computed by it.
+    let configuration = &recording.metadata().configuration;
+    let is_known =
+        |stage: &Stage| *stage == Stage::Capture || configuration.get(stage.name()).is_some();
+    let mut lacking = missing(needed);
+    let unknown = stages.iter().filter(|stage| !is_known(stage));
+    lacking.extend(unknown.map(|stage| format!("the settings of {}", stage.name())));
     if lacking.is_empty() {
         return Ok(());
     }
-    // What was recorded without a stage's settings cannot be computed by it.
-    let configuration = &recording.metadata().configuration;
     let after = |from: Stage| {
         let stages = Stage::ALL.into_iter().filter(move |stage| *stage >= from);
         stages.filter(|stage| *stage <= Stage::Match)
     };
     let possible = |stage: &Stage| {
         let stages: Vec<Stage> = after(*stage).collect();
-        let known =
-            |stage: &Stage| *stage == Stage::Capture || configuration.get(stage.name()).is_some();
         !stages.is_empty()
-            && stages.iter().all(known)
+            && stages.iter().all(is_known)
             && missing(&needed_kinds(*stage, &stages)).is_empty()
     };
     let stages = Stage::ALL.into_iter().filter(possible).map(Stage::name);
@@ -153,7 +160,7 @@ impl Selection {
         topics.retain(|topic| channels.contains_key(&*topic.name));
         let is_needed = |kind: &Kind| kinds.contains(kind) && taken.contains(kind);
         let needed: Vec<Kind> = Kind::ALL.into_iter().filter(is_needed).collect();
-        check_needed(recording, from, &needed)?;
+        check_needed(recording, from, &needed, &[])?;
         let range = first..end.unwrap_or(u64::MAX);
         let all = recording
             .scans()

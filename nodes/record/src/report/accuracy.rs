@@ -94,21 +94,21 @@ pub(super) fn is_there(recording: &Recording) -> bool {
 /// The figures of the result and of each channel.
 fn scores(out: &mut String, recording: &Recording, evaluation: &Owned<Evaluation>) -> fmt::Result {
     out.push_str(
-        "<div class=\"wide\"><table><thead><tr><th>channel</th><th class=\"n\">coverage</th><th class=\"n\">bad 0.5</th>\
-         <th class=\"n\">bad 1</th><th class=\"n\">bad 2</th><th class=\"n\">median</th><th class=\"n\">points</th>\
+        "<div class=\"wide\"><table><thead><tr><th>channel</th><th class=\"n\">coverage</th><th class=\"n\">bad 0.5 %</th>\
+         <th class=\"n\">bad 1 %</th><th class=\"n\">bad 2 %</th><th class=\"n\">median px</th><th class=\"n\">points</th>\
          <th class=\"n\">mismatches</th></tr></thead><tbody>",
     );
     let channels = &recording.metadata().rig.channels;
     for score in evaluation.view().scores {
         let channel = match channels.get(score.channel as usize) {
             Some(variance) => format!("σ² = {variance}"),
-            None => "all together".to_owned(),
+            None => "all".to_owned(),
         };
-        let percent = |share: f32| format!("{:.2} %", 100.0 * share);
+        let percent = |share: f32| format!("{:.2}", 100.0 * share);
         writeln!(
             out,
             "<tr><td>{channel}</td><td class=\"n\">{:.3}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
-             <td class=\"n\">{}</td><td class=\"n\">{:.3} px</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
+             <td class=\"n\">{}</td><td class=\"n\">{:.3}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
             score.coverage,
             percent(score.bad_half),
             percent(score.bad_one),
@@ -124,14 +124,14 @@ fn scores(out: &mut String, recording: &Recording, evaluation: &Owned<Evaluation
 /// What the surest points amount to.
 fn surest(out: &mut String, evaluation: &Owned<Evaluation>) -> fmt::Result {
     out.push_str(
-        "<div class=\"wide\"><table><thead><tr><th class=\"n\">surest</th><th class=\"n\">score from</th>\
-         <th class=\"n\">coverage</th><th class=\"n\">bad 1</th></tr></thead><tbody>",
+        "<div class=\"wide\"><table><thead><tr><th class=\"n\">surest %</th><th class=\"n\">score from</th>\
+         <th class=\"n\">coverage</th><th class=\"n\">bad 1 %</th></tr></thead><tbody>",
     );
     for share in evaluation.view().curve.iter().skip(3).step_by(4) {
         writeln!(
             out,
-            "<tr><td class=\"n\">{:.0} %</td><td class=\"n\">{:.3}</td><td class=\"n\">{:.3}</td>\
-             <td class=\"n\">{:.2} %</td></tr>",
+            "<tr><td class=\"n\">{:.0}</td><td class=\"n\">{:.3}</td><td class=\"n\">{:.3}</td>\
+             <td class=\"n\">{:.2}</td></tr>",
             100.0 * share.share,
             share.score,
             share.coverage,

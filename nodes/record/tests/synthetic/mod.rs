@@ -369,5 +369,8 @@ pub(crate) fn batch(encoder: &mut Encoder, scan: &Scan) -> Batch {
 
 /// An encoder for the rig.
 pub(crate) fn encoder(rig: &Rig, settings: &Settings) -> Encoder {
-    Encoder::new(rig, 0, settings)
+    // There is no truth to compare with.
+    let is_made = |kind: &Kind| !matches!(kind, Kind::Truth | Kind::Evaluation);
+    let made: Vec<Kind> = Kind::ALL.into_iter().filter(is_made).collect();
+    Encoder::new(rig, 0, &made, settings)
 }
