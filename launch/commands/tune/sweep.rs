@@ -51,7 +51,8 @@ pub(super) fn combinations(axes: &[Axis]) -> Result<Vec<Vec<Value>>, Failure> {
     let mut all = vec![Vec::new()];
     for axis in axes {
         let with = |value: &Value| {
-            let longer = |values: &Vec<Value>| [values.as_slice(), &[value.clone()]].concat();
+            let longer =
+                |values: &Vec<Value>| [values.as_slice(), std::slice::from_ref(value)].concat();
             all.iter().map(longer).collect::<Vec<_>>()
         };
         all = axis.values.iter().flat_map(with).collect();
@@ -59,9 +60,12 @@ pub(super) fn combinations(axes: &[Axis]) -> Result<Vec<Vec<Value>>, Failure> {
     // What differs in the last stages only stands together, so that the first ones are done once.
     all.sort_by_key(|values| {
         let early = |(axis, value): (&Axis, &Value)| {
-            (axis.node != "match")
-                .then(|| value.to_string())
-                .unwrap_or_default()
+            let is_early = axis.node != "match";
+            if is_early {
+                value.to_string()
+            } else {
+                String::new()
+            }
         };
         axes.iter().zip(values).map(early).collect::<Vec<_>>()
     });
