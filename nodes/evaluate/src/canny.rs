@@ -7,11 +7,13 @@ use messages::Size;
 #[derive(Clone, Debug, Default)]
 pub struct Canny {
     /// Squares of the thresholds.
-    low: i64,
-    high: i64,
+    low: i32,
+    high: i32,
     gradients: Vec<(i32, i32)>,
-    /// Squares of the magnitudes.
-    magnitudes: Vec<i64>,
+    /// Down each column: the sum weighted as in the kernel, and the difference.
+    sums: Vec<(i32, i32)>,
+    /// Squares of the magnitudes, with a border of zeros.
+    magnitudes: Vec<i32>,
     /// Edge pixels whose neighbours are still to be looked at.
     pending: Vec<usize>,
     /// Maxima above the low threshold.
@@ -25,7 +27,7 @@ const SHIFT: u32 = 15;
 impl Canny {
     /// Edges are maxima of the gradient above `low` that hang together with one above `high`, in Sobel's units.
     pub fn new(low: f32, high: f32) -> Self {
-        let square = |threshold: f32| f64::from(threshold).powi(2).floor() as i64;
+        let square = |threshold: f32| f64::from(threshold).powi(2).floor() as i32;
         Self {
             low: square(low),
             high: square(high),
@@ -61,7 +63,11 @@ impl Canny {
     fn sobel(&mut self, pixels: &[u8], size: Size) {
         let (width, height) = (size.width as usize, size.height as usize);
         self.gradients.clear();
+        self.gradients.resize(size.pixels(), (0, 0));
+        // Beyond its sides there is no gradient.
         self.magnitudes.clear();
+        self.magnitudes.resize((width + 2) * (height + 2), 0);
+        self.sums.resize(width, (0, 0));
         for y in 0..height {
             let row = |y: usize| &pixels[y * width..][..width];
             let (above, here, below) = (
@@ -69,54 +75,57 @@ impl Canny {
                 row(y),
                 row((y + 1).min(height - 1)),
             );
-            let sum = |x: usize| i32::from(above[x]) + 2 * i32::from(here[x]) + i32::from(below[x]);
-            let difference = |x: usize| i32::from(below[x]) - i32::from(above[x]);
-            for x in 0..width {
-                let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
-                let dx = sum(right) - sum(left);
-                let dy = difference(left) + 2 * difference(x) + difference(right);
-                self.gradients.push((dx, dy));
-                self.magnitudes
-                    .push(i64::from(dx) * i64::from(dx) + i64::from(dy) * i64::from(dy));
+            for (sum, ((above, here), below)) in
+                self.sums.iter_mut().zip(above.iter().zip(here).zip(below))
+            {
+                let [above, here, below] = [above, here, below].map(|gray| i32::from(*gray));
+                *sum = (above + 2 * here + below, below - above);
+            }
+            let gradients = &mut self.gradients[y * width..][..width];
+            let magnitudes = &mut self.magnitudes[(y + 1) * (width + 2) + 1..][..width];
+            for (x, (gradient, magnitude)) in gradients.iter_mut().zip(magnitudes).enumerate() {
+                let left = self.sums[x.saturating_sub(1)];
+                let right = self.sums[(x + 1).min(width - 1)];
+                let dx = right.0 - left.0;
+                let dy = left.1 + 2 * self.sums[x].1 + right.1;
+                *gradient = (dx, dy);
+                *magnitude = dx * dx + dy * dy;
             }
         }
     }
 
     /// Keeps the maxima across their edge; the strong ones begin edges.
     fn thin(&mut self, size: Size, edges: &mut [bool]) {
-        let (width, height) = (size.width as i64, size.height as i64);
+        let (width, height) = (size.width as usize, size.height as usize);
+        let stride = width + 2;
         self.weak.clear();
         self.weak.resize(size.pixels(), false);
         self.pending.clear();
-        let at = |x: i64, y: i64| {
-            let is_inside = (0..width).contains(&x) && (0..height).contains(&y);
-            // Beyond its sides there is no gradient.
-            if is_inside {
-                self.magnitudes[(y * width + x) as usize]
-            } else {
-                0
-            }
-        };
         for y in 0..height {
             for x in 0..width {
-                let place = (y * width + x) as usize;
-                let here = self.magnitudes[place];
+                let at = (y + 1) * stride + x + 1;
+                let here = self.magnitudes[at];
                 if here <= self.low {
                     continue;
                 }
+                let place = y * width + x;
                 let (dx, dy) = self.gradients[place];
                 let (across, down) = (i64::from(dx.abs()), i64::from(dy.abs()) << SHIFT);
                 let flat = across * TANGENT;
                 let steep = flat + (across << (SHIFT + 1));
-                let is_maximum = if down < flat {
-                    here > at(x - 1, y) && here >= at(x + 1, y)
+                let [before, after] = if down < flat {
+                    [at - 1, at + 1]
                 } else if down > steep {
-                    here > at(x, y - 1) && here >= at(x, y + 1)
+                    [at - stride, at + stride]
+                } else if (dx ^ dy) < 0 {
+                    [at - stride + 1, at + stride - 1]
                 } else {
-                    let side = if (dx ^ dy) < 0 { -1 } else { 1 };
-                    here > at(x - side, y - 1) && here > at(x + side, y + 1)
+                    [at - stride - 1, at + stride + 1]
                 };
-                if is_maximum {
+                let [before, after] = [before, after].map(|near| self.magnitudes[near]);
+                // Of two equal neighbours across or down the first is the crest, on a slant none.
+                let is_slanted = down >= flat && down <= steep;
+                if here > before && (here > after || here == after && !is_slanted) {
                     self.weak[place] = true;
                     if here > self.high {
                         edges[place] = true;

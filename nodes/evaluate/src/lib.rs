@@ -19,7 +19,7 @@ use messages::{EvaluationRoom, MatchesView, NONE, PointsView, Score, Share, Size
 pub use canny::Canny;
 
 /// Columns, and for mismatches rows, within which a truth counts.
-pub const NEAR: i64 = 2;
+pub const NEAR: i32 = 2;
 
 /// Points of the curve of error over coverage.
 pub const SHARES: usize = 20;
@@ -62,13 +62,16 @@ pub struct Evaluator {
     canny: Canny,
     /// Of every pixel whether it is an edge with known truth.
     edges: Vec<bool>,
-    /// Of every pixel whether a point covers it.
-    covered: Vec<bool>,
+    /// Of every pixel 1 where an edge is not covered yet.
+    bare: Vec<u8>,
+    /// The truth, infinite where unknown.
+    truth: Vec<f32>,
     points: Vec<Seen>,
     /// Per point its error; infinite where the truth is unknown.
     errors: Vec<f32>,
     sorted: Vec<f32>,
-    order: Vec<u32>,
+    /// The points by their scores: a key above, the index below.
+    order: Vec<u64>,
 }
 
 impl Evaluator {
@@ -96,8 +99,13 @@ impl Evaluator {
             return;
         }
         self.canny.find(known.pixels, known.size, &mut self.edges);
-        for (edge, truth) in self.edges.iter_mut().zip(known.truth) {
-            *edge &= is_known(*truth);
+        self.truth.clear();
+        for (edge, &truth) in self.edges.iter_mut().zip(known.truth) {
+            // Zero says nothing, as in the files that truth comes from.
+            let is_known = truth > 0.0;
+            *edge &= is_known;
+            self.truth
+                .push(if is_known { truth } else { f32::INFINITY });
         }
         self.points.clear();
         self.points.extend(points.points.iter().map(|p| Seen {
@@ -106,7 +114,7 @@ impl Evaluator {
             disparity: p.disparity,
             score: p.score,
         }));
-        let score = self.compare(known, NONE);
+        let score = self.compare(known.size, NONE);
         out.scores.push(score);
         self.trace(known.size, score.edges, out);
         for (channel, matches) in (0..).zip(matches) {
@@ -117,32 +125,33 @@ impl Evaluator {
                 disparity: p.disparity,
                 score: p.score,
             }));
-            let score = self.compare(known, channel);
+            let score = self.compare(known.size, channel);
             out.scores.push(score);
         }
     }
 
     /// Compares the points with the truth; their errors are kept.
-    fn compare(&mut self, known: Known<'_>, channel: u32) -> Score {
-        let (truth, size) = (known.truth, known.size);
+    fn compare(&mut self, size: Size, channel: u32) -> Score {
         self.errors.clear();
-        self.covered.clear();
-        self.covered.resize(size.pixels(), false);
+        self.bare_all();
         let mut score = Score {
             channel,
-            edges: self.edges.iter().filter(|edge| **edge).count() as u32,
+            edges: self.bare.iter().map(|bare| u32::from(*bare)).sum(),
             ..Score::default()
         };
         for point in &self.points {
-            let error = error(truth, size, point);
+            let place = Place::of(point, size);
+            let error = error(&self.truth, size, point, place);
             self.errors.push(error);
-            score.covered += cover(&mut self.covered, &self.edges, size, point);
+            score.covered += cover(&mut self.bare, size, place);
             if error.is_finite() {
                 score.points += 1;
                 score.over_half += u32::from(error > 0.5);
                 score.over_one += u32::from(error > 1.0);
-                score.over_two += u32::from(error > 2.0);
-                score.mismatches += u32::from(error > 2.0 && is_mismatch(truth, size, point));
+                if error > 2.0 {
+                    score.over_two += 1;
+                    score.mismatches += u32::from(is_mismatch(&self.truth, size, point, place));
+                }
             }
         }
         let share = |count: u32| (f64::from(count) / f64::from(score.points.max(1))) as f32;
@@ -157,26 +166,39 @@ impl Evaluator {
         score
     }
 
+    /// Nothing is covered.
+    fn bare_all(&mut self) {
+        self.bare.clear();
+        self.bare
+            .extend(self.edges.iter().map(|edge| u8::from(*edge)));
+    }
+
     /// The error of the surest points over what they cover.
     fn trace(&mut self, size: Size, edges: u32, out: &mut EvaluationRoom<'_>) {
-        let scores = |&i: &u32| self.points[i as usize].score;
+        self.bare_all();
         self.order.clear();
-        self.order.extend(0..self.points.len() as u32);
-        self.order.sort_by(|a, b| scores(b).total_cmp(&scores(a)));
-        self.covered.fill(false);
+        let keys = (0..)
+            .zip(&self.points)
+            .map(|(i, point)| key(point.score, i));
+        self.order.extend(keys);
+        self.order.sort_unstable();
         let (mut covered, mut known, mut bad) = (0u32, 0u32, 0u32);
         let mut next = 0;
         for step in 1..=SHARES {
             let share = step as f64 / SHARES as f64;
             let end = (self.points.len() as f64 * share).round_ties_even() as usize;
-            for &index in &self.order[next..end] {
-                let (point, error) = (&self.points[index as usize], self.errors[index as usize]);
-                covered += cover(&mut self.covered, &self.edges, size, point);
+            for &key in &self.order[next..end] {
+                let index = key as u32 as usize;
+                let error = self.errors[index];
+                covered += cover(&mut self.bare, size, Place::of(&self.points[index], size));
                 known += u32::from(error.is_finite());
                 bad += u32::from(error.is_finite() && error > 1.0);
             }
             next = end;
-            let least = end.checked_sub(1).map(|last| scores(&self.order[last]));
+            let last = end
+                .checked_sub(1)
+                .map(|last| self.order[last] as u32 as usize);
+            let least = last.map(|last| self.points[last].score);
             out.curve.push(Share {
                 share: share as f32,
                 score: least.unwrap_or_default(),
@@ -187,59 +209,86 @@ impl Evaluator {
     }
 }
 
-/// Zero says nothing, as in the files that truth comes from.
-fn is_known(truth: f32) -> bool {
-    truth > 0.0
+/// A key that sorts the greatest score first, of equal ones the first.
+fn key(score: f32, index: u32) -> u64 {
+    // Floats sort like their bits, once those of negative ones are turned around.
+    let bits = score.to_bits();
+    let rising = if bits >> 31 == 1 {
+        !bits
+    } else {
+        bits | 1 << 31
+    };
+    u64::from(!rising) << 32 | u64::from(index)
 }
 
-/// A coordinate's pixel, inside the picture and `margin` away from its sides.
-fn pixel(place: f32, len: u32, margin: i64) -> i64 {
-    let most = (i64::from(len) - 1 - margin).max(0);
-    (place.round_ties_even() as i64).clamp(margin.min(most), most)
+/// The pixel of a point.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    x: i32,
+    y: i32,
+}
+
+impl Place {
+    /// Inside the picture.
+    fn of(point: &Seen, size: Size) -> Self {
+        let within = |place: f32, len: u32| nearest_even(place).clamp(0, len as i32 - 1);
+        Self {
+            x: within(point.x, size.width),
+            y: within(point.y, size.height),
+        }
+    }
+
+    /// So far from the sides that columns near it are inside.
+    fn inside(self, size: Size) -> Self {
+        let most = (size.width as i32 - 1 - NEAR).max(0);
+        Self {
+            x: self.x.clamp(NEAR.min(most), most),
+            ..self
+        }
+    }
+}
+
+/// Rounds to whole numbers, halves to even ones.
+fn nearest_even(place: f32) -> i32 {
+    // Beyond this floats of single precision are whole: adding it rounds as arithmetic does.
+    const WHOLE: f32 = 12_582_912.0;
+    (place.clamp(-4e6, 4e6) + WHOLE - WHOLE) as i32
 }
 
 /// How far a disparity is from the nearest truth of its row; infinite when none is known there.
-fn error(truth: &[f32], size: Size, point: &Seen) -> f32 {
-    let (x, y) = (
-        pixel(point.x, size.width, NEAR),
-        pixel(point.y, size.height, 0),
-    );
+fn error(truth: &[f32], size: Size, point: &Seen, place: Place) -> f32 {
+    let Place { x, y } = place.inside(size);
     nearest(truth, size, point.disparity, x, y)
 }
 
-fn nearest(truth: &[f32], size: Size, disparity: f32, x: i64, y: i64) -> f32 {
-    let columns = (x - NEAR).max(0)..=(x + NEAR).min(i64::from(size.width) - 1);
+fn nearest(truth: &[f32], size: Size, disparity: f32, x: i32, y: i32) -> f32 {
     let start = y as usize * size.width as usize;
-    let row = &truth[start + *columns.start() as usize..=start + *columns.end() as usize];
-    let known = row.iter().filter(|truth| is_known(**truth));
-    known.fold(f32::INFINITY, |least, truth| {
-        least.min((disparity - truth).abs())
-    })
+    let first = (x - NEAR).max(0) as usize;
+    let last = (x + NEAR).min(size.width as i32 - 1) as usize;
+    let row = &truth[start + first..=start + last];
+    let differences = row.iter().map(|truth| (disparity - truth).abs());
+    differences.fold(f32::INFINITY, f32::min)
 }
 
 /// Whether a disparity is far from every truth around its place.
-fn is_mismatch(truth: &[f32], size: Size, point: &Seen) -> bool {
-    let (x, y) = (
-        pixel(point.x, size.width, NEAR),
-        pixel(point.y, size.height, 0),
-    );
-    let rows = (y - NEAR).max(0)..=(y + NEAR).min(i64::from(size.height) - 1);
+fn is_mismatch(truth: &[f32], size: Size, point: &Seen, place: Place) -> bool {
+    let Place { x, y } = place.inside(size);
+    let rows = (y - NEAR).max(0)..=(y + NEAR).min(size.height as i32 - 1);
     rows.into_iter()
         .all(|row| nearest(truth, size, point.disparity, x, row) > 2.0)
 }
 
-/// Covers the pixels around a point; gives how many edge pixels were not covered before.
-fn cover(covered: &mut [bool], edges: &[bool], size: Size, point: &Seen) -> u32 {
-    let (x, y) = (
-        pixel(point.x, size.width, 0),
-        pixel(point.y, size.height, 0),
-    );
+/// Covers the pixels around a place; gives how many edge pixels were not covered before.
+fn cover(bare: &mut [u8], size: Size, place: Place) -> u32 {
+    let Place { x, y } = place;
     let mut more = 0;
-    for row in (y - 1).max(0)..=(y + 1).min(i64::from(size.height) - 1) {
-        for column in (x - 1).max(0)..=(x + 1).min(i64::from(size.width) - 1) {
-            let place = row as usize * size.width as usize + column as usize;
-            more += u32::from(edges[place] && !covered[place]);
-            covered[place] = true;
+    for row in (y - 1).max(0)..=(y + 1).min(size.height as i32 - 1) {
+        let start = row as usize * size.width as usize;
+        let first = (x - 1).max(0) as usize;
+        let last = (x + 1).min(size.width as i32 - 1) as usize;
+        for bare in &mut bare[start + first..=start + last] {
+            more += u32::from(*bare);
+            *bare = 0;
         }
     }
     more
