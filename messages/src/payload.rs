@@ -115,7 +115,7 @@ pub struct Entry {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Match {
-    /// Labels of the three curves, left to right.
+    /// Labels of the three curves, left to right; [`NONE`](crate::NONE) of a view that took no part.
     pub curves: [u32; 3],
     /// Index of its first point.
     pub first: u32,
