@@ -30,7 +30,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let graph = Graph::load(None, args.profile, &overrides)?;
     let view = graph.reference();
-    let (scenes, skipped) = with_truth(&graph, &args.sources, view)?;
+    let (scenes, mut skipped) = with_truth(&graph, &args.sources, view)?;
     let own: matching::Settings = settings(&graph, "match")?;
     let methods: Vec<Method> = std::iter::once(own.method)
         .chain(args.against.iter().map(|method| Method::from(*method)))
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(bar) = &bar {
         bar.finish_and_clear();
     }
-    let scenes = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let scenes = good(&scenes, results, &mut skipped)?;
     let report = Report::new(&graph, &methods, scenes, skipped)?;
     match args.json {
         true => super::print_json(&report)?,
@@ -77,6 +77,29 @@ pub(crate) fn each<T: Send>(scenes: &[Scene], work: impl Fn(&Scene) -> T + Sync)
         .unwrap_or_default()
         .into_values()
         .collect()
+}
+
+/// The results there are; scenes that failed are left out, and said.
+///
+/// # Errors
+/// When nothing is left.
+pub(crate) fn good<T>(
+    scenes: &[Scene],
+    results: Vec<Result<T, Failure>>,
+    skipped: &mut Vec<Skipped>,
+) -> Result<Vec<T>, Failure> {
+    let mut good = Vec::with_capacity(results.len());
+    for (scene, result) in scenes.iter().zip(results) {
+        match result {
+            Ok(result) => good.push(result),
+            Err(failure) => skipped.push(Skipped {
+                name: scene.name.clone(),
+                why: failure.text,
+            }),
+        }
+    }
+    scenes::nothing_left(good.len(), skipped)?;
+    Ok(good)
 }
 
 fn evaluated(

@@ -12,7 +12,7 @@ use evaluate::Evaluator;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::evaluate::{Scene, Skipped, each, progress, with_images, with_truth};
+use super::evaluate::{Scene, Skipped, each, good, progress, with_images, with_truth};
 use crate::cli::Tune as Args;
 use crate::graph::{Graph, Overrides};
 use crate::offline::{Tabulated, settings};
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         .map(|values| graph(args, &base, &axes, values))
         .collect::<Result<Vec<Graph>, Failure>>()?;
     let view = graphs[0].reference();
-    let (scenes, skipped) = match args.truth {
+    let (scenes, mut skipped) = match args.truth {
         true => with_truth(&graphs[0], &args.sources, view)?,
         false => with_images(&graphs[0], &args.sources)?,
     };
@@ -56,7 +56,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(bar) = &bar {
         bar.finish_and_clear();
     }
-    let by_scene = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let by_scene = good(&scenes, results, &mut skipped)?;
     let report = Report::new(&axes, combinations, &by_scene, skipped);
     match args.json {
         true => super::print_json(&report)?,

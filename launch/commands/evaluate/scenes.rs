@@ -16,6 +16,8 @@ pub(crate) struct Scene {
     /// Which scan of its source shows it.
     pub(crate) scan: u64,
     spec: String,
+    /// The chosen views whose true disparities are known.
+    known: Vec<usize>,
 }
 
 /// A scene that cannot be evaluated.
@@ -36,6 +38,17 @@ impl Scene {
         }
     }
 
+    /// Why it cannot be compared with the truth.
+    fn lacks_truth(&self) -> String {
+        let other = self.known.first();
+        match other.and_then(|view| ["left", "centre", "right"].get(*view)) {
+            Some(other) => format!(
+                "the truth of the reference view is not known, that of the {other} view is: --reference {other}"
+            ),
+            None => "no truth is known of these views".to_owned(),
+        }
+    }
+
     /// Opens its source.
     pub(crate) fn source(&self, graph: &Graph) -> Result<Source, Failure> {
         open(graph, &self.spec).map_err(Failure::failed)
@@ -53,27 +66,17 @@ pub(crate) fn with_truth(
     view: usize,
 ) -> Result<(Vec<Scene>, Vec<Skipped>), Failure> {
     let (mut scenes, mut skipped) = all(graph, sources);
-    scenes.retain(|(scene, source)| {
-        let views = source.view_count();
-        let is_known = |view: usize| source.knows_truth(view);
-        if is_known(view) {
-            return true;
+    scenes.retain(|scene| {
+        let is_known = scene.known.contains(&view);
+        if !is_known {
+            skipped.push(Skipped {
+                name: scene.name.clone(),
+                why: scene.lacks_truth(),
+            });
         }
-        let known = (0..views).find(|view| is_known(*view));
-        let why = match known.and_then(|view| ["left", "centre", "right"].get(view)) {
-            Some(other) => {
-                format!("the truth of its reference view is not known; that of its {other} view is")
-            }
-            None => "no truth is known of these views".to_owned(),
-        };
-        skipped.push(Skipped {
-            name: scene.name.clone(),
-            why,
-        });
-        false
+        is_known
     });
-    let scenes: Vec<Scene> = scenes.into_iter().map(|(scene, _)| scene).collect();
-    nothing_left(&scenes, &skipped)?;
+    nothing_left(scenes.len(), &skipped)?;
     Ok((scenes, skipped))
 }
 
@@ -86,73 +89,64 @@ pub(crate) fn with_images(
     sources: &[String],
 ) -> Result<(Vec<Scene>, Vec<Skipped>), Failure> {
     let (scenes, skipped) = all(graph, sources);
-    let scenes: Vec<Scene> = scenes.into_iter().map(|(scene, _)| scene).collect();
-    nothing_left(&scenes, &skipped)?;
+    nothing_left(scenes.len(), &skipped)?;
     Ok((scenes, skipped))
 }
 
-fn nothing_left(scenes: &[Scene], skipped: &[Skipped]) -> Result<(), Failure> {
-    match (scenes, skipped) {
-        ([], []) => Err(Failure::usage("there are no scenes")),
-        ([], [Skipped { name, why }, ..]) => {
+/// Says why, when there are none.
+pub(super) fn nothing_left(scenes: usize, skipped: &[Skipped]) -> Result<(), Failure> {
+    match (scenes, skipped.first()) {
+        (0, None) => Err(Failure::usage("there are no scenes")),
+        (0, Some(Skipped { name, why })) => {
             Err(Failure::failed(format!("no scene is left: {name}: {why}")))
         }
         _ => Ok(()),
     }
 }
 
-fn all(graph: &Graph, sources: &[String]) -> (Vec<(Scene, Source)>, Vec<Skipped>) {
+fn all(graph: &Graph, sources: &[String]) -> (Vec<Scene>, Vec<Skipped>) {
     let (mut scenes, mut skipped) = (Vec::new(), Vec::new());
-    for spec in sources {
-        let is_rendered = spec.starts_with("scene:");
-        let mut add = |spec: &str, opened: Result<Source, String>| match opened {
-            Ok(_) => {}
+    for spec in sources.iter().flat_map(|spec| parts(graph, spec)) {
+        match open(graph, &spec) {
+            Ok(source) => {
+                let known = (0..source.view_count()).filter(|view| source.knows_truth(*view));
+                let known: Vec<usize> = known.collect();
+                scenes.extend((0..source.scenes()).map(|scan| Scene {
+                    name: source.name(scan).to_owned(),
+                    is_rendered: is_rendered(&spec),
+                    scan,
+                    spec: spec.clone(),
+                    known: known.clone(),
+                }));
+            }
             Err(why) => skipped.push(Skipped {
-                name: name(spec),
+                name: name(&spec),
                 why,
             }),
-        };
-        let whole = open(graph, spec);
-        let inner = if is_rendered {
-            Vec::new()
-        } else {
-            folders(Path::new(spec))
-        };
-        match whole {
-            Ok(source) if is_rendered || source.scenes() == 1 => {
-                for scan in 0..source.scenes() {
-                    let scene = Scene {
-                        name: source.name(scan).to_owned(),
-                        is_rendered,
-                        scan,
-                        spec: spec.clone(),
-                    };
-                    if let Ok(again) = open(graph, spec) {
-                        scenes.push((scene, again));
-                    }
-                }
-            }
-            whole if inner.is_empty() => add(spec, whole),
-            _ => {
-                for folder in inner {
-                    let spec = folder.display().to_string();
-                    match open(graph, &spec) {
-                        Ok(source) => {
-                            let scene = Scene {
-                                name: source.name(0).to_owned(),
-                                is_rendered,
-                                scan: 0,
-                                spec,
-                            };
-                            scenes.push((scene, source));
-                        }
-                        failed => add(&spec, failed),
-                    }
-                }
-            }
         }
     }
     (scenes, skipped)
+}
+
+fn is_rendered(spec: &str) -> bool {
+    spec.starts_with("scene:")
+}
+
+/// What a source is opened as: of a folder of scenes each by itself, so that one that is wrong does not spoil the others.
+fn parts(graph: &Graph, spec: &str) -> Vec<String> {
+    let whole = || vec![spec.to_owned()];
+    if is_rendered(spec) {
+        return whole();
+    }
+    let folders = folders(Path::new(spec));
+    let is_scene = || open(graph, spec).is_ok_and(|source| source.scenes() == 1);
+    match folders.is_empty() || is_scene() {
+        true => whole(),
+        false => folders
+            .iter()
+            .map(|folder| folder.display().to_string())
+            .collect(),
+    }
 }
 
 fn open(graph: &Graph, spec: &str) -> Result<Source, String> {
