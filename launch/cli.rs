@@ -16,6 +16,9 @@ pub(crate) struct Cli {
 const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 failed, 2 wrong use, 3 finished but data was lost, 130 aborted by a second signal.";
 
+/// The hidden command by which this program becomes a node of a run.
+pub(crate) const BE_NODE: &str = "_node";
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run a graph: scans go in, matches, disparities and points come out, everything is recorded
@@ -42,6 +45,10 @@ pub(crate) enum Command {
     Tune(Tune),
     /// Write a recording as one HTML page: figures, points in space, how the run went
     Report(Report),
+    /// List, measure or print the topics of a graph that runs
+    Topic(TopicArgs),
+    /// List the nodes of a graph that runs, or restart one
+    Node(NodeArgs),
     /// Check a graph file, and print the configuration it amounts to
     Validate(GraphFile),
     /// Print a graph as a Mermaid diagram
@@ -54,8 +61,8 @@ pub(crate) enum Command {
         shell: clap_complete::Shell,
     },
     /// Be one node of a run
-    #[command(hide = true)]
-    Node(Node),
+    #[command(name = BE_NODE, hide = true)]
+    BeNode(Node),
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -468,6 +475,82 @@ pub(crate) struct Report {
     /// Overwrite a page that is there already
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct TopicArgs {
+    #[command(subcommand)]
+    pub(crate) command: TopicCommand,
+    /// Which run, by its name or the beginning of it; not needed when only one is alive
+    #[arg(long, value_name = "NAME", global = true)]
+    pub(crate) run: Option<String>,
+    /// Print the result as JSON
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TopicCommand {
+    /// All topics, who makes and who takes them
+    List,
+    /// What is known of a topic
+    Info {
+        /// Its name
+        topic: String,
+    },
+    /// How often and how regularly its messages come
+    Hz {
+        /// Its name
+        topic: String,
+        /// How long to listen
+        #[arg(long, value_name = "S", default_value_t = 3.0, value_parser = seconds)]
+        seconds: f64,
+    },
+    /// Its messages as text, as they come
+    Echo {
+        /// Its name
+        topic: String,
+        /// How many; without it, until the run ends
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+        count: Option<u64>,
+        /// How many elements of each section are shown
+        #[arg(long, value_name = "N", default_value_t = 3)]
+        elements: usize,
+    },
+}
+
+/// Seconds that can be waited for.
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text
+        .parse()
+        .map_err(|_| format!("expected seconds, not {text:?}"))?;
+    match (0.1..=86_400.0).contains(&seconds) {
+        true => Ok(seconds),
+        false => Err("expected 0.1 to 86400 seconds".to_owned()),
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct NodeArgs {
+    #[command(subcommand)]
+    pub(crate) command: NodeCommand,
+    /// Which run, by its name or the beginning of it; not needed when only one is alive
+    #[arg(long, value_name = "NAME", global = true)]
+    pub(crate) run: Option<String>,
+    /// Print the result as JSON
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum NodeCommand {
+    /// All nodes: process, restarts, state, CPU, memory
+    List,
+    /// End a node's process; it is started again and what was under way is sent once more
+    Restart {
+        /// Its name
+        node: String,
+    },
 }
 
 #[derive(Debug, Args)]

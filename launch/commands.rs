@@ -6,11 +6,13 @@ mod evaluate;
 mod export;
 mod graph;
 mod info;
+mod node;
 mod record;
 mod replay;
 mod report;
 mod rewrite;
 mod run;
+mod topic;
 mod tune;
 mod validate;
 
@@ -32,11 +34,13 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Tune(args) => tune::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Topic(args) => topic::run(&args),
+        Command::Node(args) => node::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Graph(args) => graph::run(&args),
         Command::Clean => clean::run(),
         Command::Completions { shell } => completions::run(shell),
-        Command::Node(args) => Ok(crate::node::run(&args)),
+        Command::BeNode(args) => Ok(crate::node::run(&args)),
     }
 }
 

@@ -27,6 +27,7 @@ mod offline;
 mod progress;
 mod registry;
 mod rundir;
+mod running;
 mod supervisor;
 
 use std::process::ExitCode;

@@ -17,6 +17,7 @@ use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use messages::bus::{Command, Event, Level, Log, NodeReport, Progress};
 use messages::ledger::Ledger;
 
+use crate::cli::BE_NODE;
 use crate::keys::{self, Key, Keys};
 use crate::{Failure, Outcome};
 
@@ -188,7 +189,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         let cannot =
             |e: std::io::Error| Failure::failed(format!("cannot start the node {name}: {e}"));
         let mut child = Process::new(std::env::current_exe().map_err(cannot)?)
-            .args(["node", &name, "--life", &life.to_string()])
+            .args([BE_NODE, &name, "--life", &life.to_string()])
             .arg("--resume")
             .arg(
                 serde_json::to_string(&self.progress)

@@ -15,7 +15,7 @@ def nodes(run):
     found = {}
     for pid in pathlib.Path(f"/proc/{run}/task/{run}/children").read_text().split():
         words = pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
-        if len(words) > 2 and words[1] == b"node":
+        if len(words) > 2 and words[1] == b"_node":
             found[words[2].decode()] = pid
     return found
 

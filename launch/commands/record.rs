@@ -13,7 +13,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 
 use super::rewrite::is_like;
 use crate::cli::Record as Args;
-use crate::node::Orders;
+use crate::running::Running;
 use crate::{Failure, Outcome, rundir};
 
 /// How often it is said how the recorder is doing.
@@ -28,8 +28,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         let listed = args.topics.is_empty() || args.topics.iter().any(|like| is_like(name, like));
         listed && regex.as_ref().is_none_or(|regex| regex.is_match(name))
     };
-    let folder = choose(args.run.as_deref())?;
-    let orders = Orders::read(&folder).map_err(Failure::failed)?;
+    let running = Running::choose(args.run.as_deref())?;
+    let orders = &running.orders;
     let settings = Settings {
         file: std::path::absolute(&args.output)
             .map_err(Failure::failed)?
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         orders.graph.clone(),
         orders.scans.clone(),
     );
-    let mut wishes = Wishes::listen(&folder, args)?;
+    let mut wishes = Wishes::listen(&running.folder, args)?;
     let recorder = Attach {
         run: &orders.run,
         metadata,
@@ -62,12 +62,12 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         snapshot: args.snapshot,
     };
     if !args.json {
-        crate::say!("recording beside {}: Ctrl-C ends", name_of(&folder));
+        crate::say!("recording beside {}: Ctrl-C ends", running.name());
     }
     let attached = attach(recorder, |told| wishes.next(told)).map_err(|error| match error {
         AttachError::Bus(error) => Failure::failed(format!(
             "cannot join {}: {error}; at most two may listen to a run at once",
-            name_of(&folder)
+            running.name()
         )),
         error => Failure::failed(error),
     })?;
@@ -79,38 +79,6 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         0 => Outcome::Done,
         _ => Outcome::Lost,
     })
-}
-
-fn name_of(run: &Path) -> String {
-    run.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
-}
-
-/// The folder of the run that is meant.
-fn choose(wanted: Option<&str>) -> Result<PathBuf, Failure> {
-    let alive =
-        rundir::alive().map_err(|e| Failure::failed(format!("cannot look for runs: {e}")))?;
-    let names = alive
-        .iter()
-        .map(|run| name_of(run))
-        .collect::<Vec<_>>()
-        .join(", ");
-    let is_meant = |run: &&PathBuf| wanted.is_none_or(|wanted| name_of(run).starts_with(wanted));
-    let meant: Vec<&PathBuf> = alive.iter().filter(is_meant).collect();
-    match (meant.as_slice(), alive.len()) {
-        ([run], _) => Ok((*run).clone()),
-        (_, 0) => Err(Failure::failed(
-            "no graph of yours is running: start one with `tricurve run`",
-        )),
-        ([], _) => Err(Failure::usage(format!(
-            "no run is called so; there are {names}"
-        ))),
-        _ => Err(Failure::usage(format!(
-            "several graphs run: choose one with --run, of {names}"
-        ))),
-    }
 }
 
 fn text(attached: &Attached) -> String {

@@ -41,7 +41,7 @@ use crate::topic::{Kind, Topic};
 
 pub use control::{Command, Event, Level, Log, NodeReport, Play, Progress};
 pub use gate::Gate;
-pub use guest::{Guest, LOOK_EVERY};
+pub use guest::{Guest, Hearer, LOOK_EVERY};
 pub use inputs::{Inputs, Joined, Joins, Received};
 pub use meter::{Meter, Percentiles};
 pub use outputs::{Filled, Loan, Outputs};
@@ -344,7 +344,10 @@ impl Bus {
     /// # Errors
     /// When a subscriber cannot be made.
     pub fn inputs(&mut self, kinds: &[Kind]) -> Result<Inputs, BusError> {
-        let inputs = Inputs::new(&self.run, &self.ports, kinds, Rc::clone(&self.book))?;
+        let topics = kinds
+            .iter()
+            .flat_map(|&kind| Topic::of(&self.run.rig, kind));
+        let inputs = Inputs::new(&self.run, &self.ports, topics, Rc::clone(&self.book))?;
         self.subscribers.extend(inputs.subscribers());
         Ok(inputs)
     }

@@ -33,8 +33,8 @@ pub use payload::{
     AnyView, Curve, Curves, CurvesRoom, CurvesView, Difference, Disparity, DisparityRoom,
     DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom,
     EvaluationView, Image, ImageRoom, ImageView, List, Match, MatchPoint, Matches, MatchesRoom,
-    MatchesView, Message, Owned, Point, Points, PointsRoom, PointsView, Score, Share, Table,
-    Tables, TablesRoom, TablesView, Truth, TruthRoom, TruthView,
+    MatchesView, Message, Owned, Point, Points, PointsRoom, PointsView, Score, Section, Share,
+    Table, Tables, TablesRoom, TablesView, Truth, TruthRoom, TruthView,
 };
 pub use rig::{Delivery, Rig, View};
 pub use topic::{Kind, Stage, Topic};

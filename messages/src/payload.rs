@@ -383,6 +383,29 @@ fn difference<T: Pod + std::fmt::Debug>(
     })
 }
 
+/// A section, as text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Section {
+    /// What it is called.
+    pub name: &'static str,
+    /// How many elements it has.
+    pub len: usize,
+    /// How many bytes they take.
+    pub bytes: usize,
+    /// The first of them.
+    pub first: Vec<String>,
+}
+
+fn section<T: std::fmt::Debug>(name: &'static str, elements: &[T], most: usize) -> Section {
+    let text = |element: &T| format!("{element:?}");
+    Section {
+        name,
+        len: elements.len(),
+        bytes: size_of_val(elements),
+        first: elements.iter().take(most).map(text).collect(),
+    }
+}
+
 /// One kind of message: its three types and its line in the trait.
 macro_rules! message {
     ($(#[$about:meta])* $name:ident, $view:ident, $room:ident {
@@ -408,6 +431,11 @@ macro_rules! message {
             /// Where this differs first from another message, byte for byte.
             pub fn difference(&self, other: &$view<'_>) -> Option<Difference> {
                 None$(.or_else(|| difference(stringify!($section), self.$section, other.$section)))+
+            }
+
+            /// Its sections, with the first `most` elements of each.
+            pub fn sections(&self, most: usize) -> Vec<Section> {
+                vec![$(section(stringify!($section), self.$section, most)),+]
             }
         }
 
@@ -600,6 +628,15 @@ macro_rules! any_view {
                         one: Some(self.kind().name().to_owned()),
                         other: Some(other.kind().name().to_owned()),
                     }),
+                }
+            }
+        }
+
+        impl AnyView<'_> {
+            /// Its sections, with the first `most` elements of each.
+            pub fn sections(&self, most: usize) -> Vec<Section> {
+                match self {
+                    $(Self::$name(view) => view.sections(most),)+
                 }
             }
         }

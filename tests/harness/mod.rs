@@ -108,7 +108,7 @@ impl World {
                 .split(|b| *b == 0)
                 .map(|w| String::from_utf8_lossy(w).into_owned())
                 .collect();
-            if words.get(1).is_some_and(|w| w == "node")
+            if words.get(1).is_some_and(|w| w == "_node")
                 && words.iter().any(|w| w.starts_with(&runtime))
             {
                 nodes.push((words[2].clone(), pid));

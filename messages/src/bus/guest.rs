@@ -6,8 +6,8 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use super::ports::Ports;
-use super::{Book, BusError, Inputs, Joined, Joins, Run};
-use crate::topic::Kind;
+use super::{Book, BusError, Event, Inputs, Joined, Joins, Received, ReportsIn, Run};
+use crate::topic::{Kind, Topic};
 
 /// How often a guest looks for messages: no node rings a guest.
 pub const LOOK_EVERY: Duration = Duration::from_millis(5);
@@ -39,7 +39,8 @@ impl Guest {
     pub fn join(run: &Run, name: &str, kinds: &[Kind]) -> Result<Self, BusError> {
         let ports = Ports::new(run, name)?;
         let book = Rc::new(RefCell::new(Book::default()));
-        let inputs = Inputs::new(run, &ports, kinds, book)?;
+        let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
+        let inputs = Inputs::new(run, &ports, topics, book)?;
         Ok(Self {
             joins: Joins::new(inputs),
             next: None,
@@ -67,5 +68,55 @@ impl Guest {
     /// How many scans since the first were missed, because this guest was too slow or a message did not reach it.
     pub fn missed(&self) -> u64 {
         self.missed
+    }
+}
+
+/// A guest that hears single topics, message by message, and what nodes report.
+pub struct Hearer {
+    inputs: Inputs,
+    reports: ReportsIn,
+    /// Its ports live as long as their node.
+    _ports: Ports,
+}
+
+impl std::fmt::Debug for Hearer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Hearer").field(&self.inputs).finish()
+    }
+}
+
+impl Hearer {
+    /// Joins a run under a name of its own and listens to these topics.
+    ///
+    /// # Errors
+    /// When the run has no room for a further guest, or is over.
+    pub fn join(run: &Run, name: &str, topics: &[Topic]) -> Result<Self, BusError> {
+        let ports = Ports::new(run, name)?;
+        let book = Rc::new(RefCell::new(Book::default()));
+        let inputs = Inputs::new(run, &ports, topics.iter().cloned(), book)?;
+        let reports = ReportsIn {
+            subscriber: ports.reports_in()?,
+        };
+        Ok(Self {
+            inputs,
+            reports,
+            _ports: ports,
+        })
+    }
+
+    /// The message of the oldest scan among those that have come; without waiting.
+    ///
+    /// # Errors
+    /// When a subscriber fails.
+    pub fn message_now(&mut self) -> Result<Option<Received>, BusError> {
+        self.inputs.receive()
+    }
+
+    /// What a node reported; without waiting.
+    ///
+    /// # Errors
+    /// When the subscriber fails.
+    pub fn report_now(&mut self) -> Result<Option<Event>, BusError> {
+        self.reports.receive()
     }
 }

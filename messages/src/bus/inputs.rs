@@ -90,10 +90,9 @@ impl Inputs {
     pub(super) fn new(
         run: &Run,
         ports: &Ports,
-        kinds: &[Kind],
+        topics: impl IntoIterator<Item = Topic>,
         book: Rc<RefCell<Book>>,
     ) -> Result<Self, BusError> {
-        let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
         let input = |topic: Topic| {
             book.borrow_mut().take_in(&topic.name);
             Ok(Input {
@@ -103,7 +102,10 @@ impl Inputs {
             })
         };
         Ok(Self {
-            all: topics.map(input).collect::<Result<_, BusError>>()?,
+            all: topics
+                .into_iter()
+                .map(input)
+                .collect::<Result<_, BusError>>()?,
             room: run.rig.size,
             book,
         })

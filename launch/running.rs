@@ -1,0 +1,129 @@
+//! Graphs that run, as commands beside them see them: who belongs to a run, and what its processes use.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::cli::BE_NODE;
+use crate::node::Orders;
+use crate::{Failure, rundir};
+
+/// A graph that runs.
+#[derive(Debug)]
+pub(crate) struct Running {
+    pub(crate) folder: PathBuf,
+    pub(crate) orders: Orders,
+}
+
+/// A process of a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Process {
+    pub(crate) node: String,
+    pub(crate) pid: u32,
+    /// How often the node was restarted.
+    pub(crate) restarts: u32,
+    /// As the kernel calls it: `running`, `sleeping`, `stopped`, `waiting for the disk`, `dead`.
+    pub(crate) state: &'static str,
+    /// Processor time it has used.
+    pub(crate) cpu_seconds: f64,
+    /// Memory of its own.
+    pub(crate) memory_bytes: u64,
+}
+
+impl Running {
+    /// The run that is meant: by the beginning of its name, or the only one.
+    pub(crate) fn choose(wanted: Option<&str>) -> Result<Self, Failure> {
+        let alive =
+            rundir::alive().map_err(|e| Failure::failed(format!("cannot look for runs: {e}")))?;
+        let names: Vec<String> = alive.iter().map(|run| name_of(run)).collect();
+        let names = names.join(", ");
+        let is_meant =
+            |run: &&PathBuf| wanted.is_none_or(|wanted| name_of(run).starts_with(wanted));
+        let meant: Vec<&PathBuf> = alive.iter().filter(is_meant).collect();
+        match (meant.as_slice(), alive.len()) {
+            ([run], _) => Ok(Self {
+                folder: (*run).clone(),
+                orders: Orders::read(run).map_err(Failure::failed)?,
+            }),
+            (_, 0) => Err(Failure::failed(
+                "no graph of yours is running: start one with `tricurve run`",
+            )),
+            ([], _) => Err(Failure::usage(format!(
+                "no run is called so; there are {names}"
+            ))),
+            _ => Err(Failure::usage(format!(
+                "several graphs run: choose one with --run, of {names}"
+            ))),
+        }
+    }
+
+    pub(crate) fn name(&self) -> String {
+        name_of(&self.folder)
+    }
+
+    /// Its nodes' processes, in the order of the pipe; a node that is being restarted may have none.
+    pub(crate) fn processes(&self) -> Vec<Process> {
+        let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+        let found: Vec<Process> = entries
+            .filter_map(|entry| self.process(&entry.path()))
+            .collect();
+        let nodes = self.orders.run.nodes.iter();
+        nodes
+            .filter_map(|node| found.iter().find(|process| process.node == node.name))
+            .cloned()
+            .collect()
+    }
+
+    /// The process of this folder of `/proc`, when it is a node of the run.
+    fn process(&self, entry: &Path) -> Option<Process> {
+        let pid = entry.file_name()?.to_str()?.parse().ok()?;
+        let line = fs::read(entry.join("cmdline")).ok()?;
+        let words: Vec<String> = line
+            .split(|byte| *byte == 0)
+            .map(|word| String::from_utf8_lossy(word).into_owned())
+            .collect();
+        let value = |name: &str| {
+            let at = words.iter().position(|word| word == name)?;
+            words.get(at + 1)
+        };
+        let is_ours = words.get(1).is_some_and(|word| word == BE_NODE)
+            && value("--run").is_some_and(|run| Path::new(run) == self.folder);
+        let node = words.get(2).filter(|_| is_ours)?.clone();
+        // What follows the name in brackets: state, …, time in the program and in the kernel, in hundredths.
+        let stat = fs::read_to_string(entry.join("stat")).ok()?;
+        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+        let ticks = |at: usize| fields.get(at).and_then(|f| f.parse::<u64>().ok());
+        let status = fs::read_to_string(entry.join("status")).ok()?;
+        let own = status
+            .lines()
+            .find_map(|line| line.strip_prefix("RssAnon:"));
+        let kilobytes = own.and_then(|text| text.split_whitespace().next()?.parse::<u64>().ok());
+        Some(Process {
+            node,
+            pid,
+            restarts: value("--life")
+                .and_then(|life| life.parse().ok())
+                .unwrap_or(0),
+            state: state(fields.first().copied().unwrap_or_default()),
+            cpu_seconds: (ticks(11)? + ticks(12)?) as f64 / 100.0,
+            memory_bytes: kilobytes.unwrap_or_default() * 1024,
+        })
+    }
+}
+
+fn name_of(run: &Path) -> String {
+    let name = run.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+/// The kernel's letter in a word.
+fn state(letter: &str) -> &'static str {
+    match letter {
+        "R" => "running",
+        "S" | "I" => "sleeping",
+        "D" => "waiting for the disk",
+        "T" | "t" => "stopped",
+        _ => "dead",
+    }
+}
