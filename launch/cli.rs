@@ -227,7 +227,7 @@ pub(crate) struct Replay {
     #[arg(long, value_enum, default_value = "evaluate", value_name = "STAGE")]
     pub(crate) to: StageArg,
     /// Play in the recording's own time, this many times as fast; without it, as fast as the graph goes
-    #[arg(long, value_name = "R", conflicts_with = "lockstep")]
+    #[arg(long, value_name = "R", conflicts_with = "lockstep", value_parser = rate)]
     pub(crate) rate: Option<f64>,
     /// Play as fast as the graph goes, the default
     #[arg(long)]
@@ -236,10 +236,10 @@ pub(crate) struct Replay {
     #[arg(long = "loop", conflicts_with = "verify")]
     pub(crate) repeat: bool,
     /// Leave out so many seconds at the beginning
-    #[arg(long, value_name = "S", conflicts_with = "scans")]
+    #[arg(long, value_name = "S", conflicts_with = "scans", value_parser = offset)]
     pub(crate) start_offset: Option<f64>,
     /// Play only so many seconds
-    #[arg(long, value_name = "S", conflicts_with = "scans")]
+    #[arg(long, value_name = "S", conflicts_with = "scans", value_parser = offset)]
     pub(crate) duration: Option<f64>,
     /// Play only the scans from A on, before B
     #[arg(long, value_name = "A..B")]
@@ -519,15 +519,26 @@ pub(crate) enum TopicCommand {
     },
 }
 
+/// A number in a range.
+fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    let within = |number: &f64| (least..=most).contains(number);
+    let number = text.trim().parse::<f64>().ok().filter(within);
+    number.ok_or_else(|| format!("expected a number from {least} to {most}"))
+}
+
 /// Seconds that can be waited for.
 fn seconds(text: &str) -> Result<f64, String> {
-    let seconds: f64 = text
-        .parse()
-        .map_err(|_| format!("expected seconds, not {text:?}"))?;
-    match (0.1..=86_400.0).contains(&seconds) {
-        true => Ok(seconds),
-        false => Err("expected 0.1 to 86400 seconds".to_owned()),
-    }
+    number(text, 0.1, 86_400.0)
+}
+
+/// How many times as fast.
+fn rate(text: &str) -> Result<f64, String> {
+    number(text, 0.001, 1000.0)
+}
+
+/// Seconds of recorded time.
+fn offset(text: &str) -> Result<f64, String> {
+    number(text, 0.0, 1e9)
 }
 
 #[derive(Debug, Args)]

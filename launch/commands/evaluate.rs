@@ -95,6 +95,7 @@ pub(crate) fn good<T>(
             Err(failure) => skipped.push(Skipped {
                 name: scene.name.clone(),
                 why: failure.text,
+                is_wrong_use: false,
             }),
         }
     }
@@ -120,10 +121,15 @@ fn evaluated(
         let matched = scan.matched(&settings);
         matched.evaluated(&scan, &mut evaluator, view, &truth)
     });
+    let results: Vec<Evaluated> = results.collect();
+    let compared = results.iter().filter_map(|result| result.scores.first());
+    if compared.into_iter().all(|score| score.edges == 0) {
+        return Err(Failure::failed("its truth is known of no edge"));
+    }
     Ok(SceneReport {
         name: scene.name.clone(),
         is_rendered: scene.is_rendered,
-        methods: results.map(MethodReport::from).collect(),
+        methods: results.into_iter().map(MethodReport::from).collect(),
     })
 }
 

@@ -25,7 +25,13 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         crate::say!("replay: {note}");
     }
     let from = Stage::from(args.from);
-    let stages = computing(&source, from, Stage::from(args.to));
+    let to = Stage::from(args.to);
+    if to < from {
+        let (from, to) = (from.name(), to.name());
+        let text = format!("--to {to} comes before --from {from}: nothing would be computed");
+        return Err(Failure::usage(text));
+    }
+    let stages = computing(&source, from, to);
     check_cut(&source, from, &stages).map_err(Failure::failed)?;
     let (first, end) = range(args, &source);
     let recorded = &source.metadata().configuration;
@@ -54,6 +60,15 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         crate::say!("replay: warning: {broken} of {all} scans are not whole and are left out");
     }
     let new_recording = recording(&mut graph)?;
+    if let Some(new) = &new_recording {
+        let old = record::Writer::check(new, args.force).map_err(Failure::failed)?;
+        let read: Vec<_> = source.parts.iter().map(|part| part.path.clone()).collect();
+        let written = old.iter().map(|path| path.as_path()).chain([new.as_path()]);
+        if let Some(both) = record::read_and_written(&read, written) {
+            let text = format!("{} is played and cannot be written too", both.display());
+            return Err(Failure::usage(text));
+        }
+    }
     let changed = changes(&graph, recorded);
     let rig = rig(&graph, &source)?;
     let names = &source.metadata().scans;
@@ -108,7 +123,8 @@ fn range(args: &Args, source: &Recording) -> (u64, Option<u64>) {
     let at_or_after = |time: u64| times.iter().find(|(_, nanos)| *nanos >= time);
     let after = |seconds: f64| start.saturating_add((seconds.max(0.0) * 1e9) as u64);
     let begin = after(args.start_offset.unwrap_or(0.0));
-    let first = at_or_after(begin).map_or(u64::MAX, |(scan, _)| *scan);
+    let behind = times.last().map_or(0, |(scan, _)| scan + 1);
+    let first = at_or_after(begin).map_or(behind, |(scan, _)| *scan);
     let end = args.duration.and_then(|seconds| {
         let end = begin.saturating_add((seconds.max(0.0) * 1e9) as u64);
         at_or_after(end).map(|(scan, _)| *scan)
@@ -214,7 +230,14 @@ fn left_out(args: &Args, from: Stage) -> Result<Vec<Kind>, Failure> {
                 "there are no topics {unknown}; there are {known}"
             )));
         }
-        let is_unwanted = |kind: &Kind| !topics.iter().any(|topic| topic == kind.name());
+        let is_wanted = |kind: &Kind| topics.iter().any(|topic| topic == kind.name());
+        if let Some(played) = left_out.iter().find(|kind| is_wanted(kind)) {
+            let (topic, from) = (played.name(), from.name());
+            return Err(Failure::usage(format!(
+                "{topic} is played, not made anew, in a replay from {from}: only what is made anew is recorded"
+            )));
+        }
+        let is_unwanted = |kind: &Kind| !is_wanted(kind);
         left_out.extend(Kind::ALL.into_iter().filter(is_unwanted));
         left_out.sort_unstable();
         left_out.dedup();

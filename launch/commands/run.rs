@@ -174,7 +174,10 @@ pub(super) fn recording(graph: &mut Graph) -> Result<Option<PathBuf>, Failure> {
     };
     let path = std::path::absolute(&path).map_err(Failure::failed)?;
     let overwrite = settings.get("overwrite").and_then(Value::as_bool);
-    record::Writer::check(&path, overwrite.unwrap_or_default()).map_err(Failure::failed)?;
+    record::Writer::check(&path, overwrite.unwrap_or_default()).map_err(|error| match error {
+        record::WriteError::Exists(_) => Failure::usage(error),
+        error => Failure::failed(error),
+    })?;
     graph.fill_in("record", "file", path.to_string_lossy().as_ref());
     Ok(Some(path))
 }

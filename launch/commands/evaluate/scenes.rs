@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use capture::Source;
 use serde::Serialize;
 
-use crate::Failure;
 use crate::graph::Graph;
+use crate::{Failure, Outcome};
 
 /// A scene: where it comes from, opened only when it is its turn.
 #[derive(Clone, Debug)]
@@ -25,12 +25,15 @@ pub(crate) struct Scene {
 pub(crate) struct Skipped {
     pub(crate) name: String,
     pub(crate) why: String,
+    /// Whether it was asked for in a way that cannot be.
+    #[serde(skip)]
+    pub(crate) is_wrong_use: bool,
 }
 
 impl Scene {
     /// Opens its source, and reads the true disparities of a view.
     pub(crate) fn open(&self, graph: &Graph, view: usize) -> Result<(Source, Vec<f32>), Failure> {
-        let source = open(graph, &self.spec).map_err(Failure::failed)?;
+        let source = open(graph, &self.spec)?;
         let truth = source.truth(self.scan, view).map_err(Failure::failed)?;
         match truth {
             Some(truth) => Ok((source, truth.disparity)),
@@ -51,7 +54,7 @@ impl Scene {
 
     /// Opens its source.
     pub(crate) fn source(&self, graph: &Graph) -> Result<Source, Failure> {
-        open(graph, &self.spec).map_err(Failure::failed)
+        open(graph, &self.spec)
     }
 }
 
@@ -72,6 +75,7 @@ pub(crate) fn with_truth(
             skipped.push(Skipped {
                 name: scene.name.clone(),
                 why: scene.lacks_truth(),
+                is_wrong_use: false,
             });
         }
         is_known
@@ -97,8 +101,19 @@ pub(crate) fn with_images(
 pub(super) fn nothing_left(scenes: usize, skipped: &[Skipped]) -> Result<(), Failure> {
     match (scenes, skipped.first()) {
         (0, None) => Err(Failure::usage("there are no scenes")),
-        (0, Some(Skipped { name, why })) => {
-            Err(Failure::failed(format!("no scene is left: {name}: {why}")))
+        (0, Some(_)) => {
+            let why = |skipped: &Skipped| format!("{}: {}", skipped.name, skipped.why);
+            let whys = skipped
+                .iter()
+                .take(3)
+                .map(why)
+                .collect::<Vec<_>>()
+                .join("; ");
+            let text = format!("no scene is left: {whys}");
+            Err(match skipped.iter().all(|skipped| skipped.is_wrong_use) {
+                true => Failure::usage(text),
+                false => Failure::failed(text),
+            })
         }
         _ => Ok(()),
     }
@@ -119,9 +134,10 @@ fn all(graph: &Graph, sources: &[String]) -> (Vec<Scene>, Vec<Skipped>) {
                     known: known.clone(),
                 }));
             }
-            Err(why) => skipped.push(Skipped {
+            Err(error) => skipped.push(Skipped {
                 name: name(&spec),
-                why,
+                is_wrong_use: error.outcome == Outcome::Usage,
+                why: error.text,
             }),
         }
     }
@@ -149,14 +165,19 @@ fn parts(graph: &Graph, spec: &str) -> Vec<String> {
     }
 }
 
-fn open(graph: &Graph, spec: &str) -> Result<Source, String> {
+fn open(graph: &Graph, spec: &str) -> Result<Source, Failure> {
     let mut settings = graph.settings_of("capture").clone();
     settings["source"] = spec.into();
-    let settings = serde_json::from_value(settings).map_err(|error| error.to_string())?;
-    let source = Source::open(&settings).map_err(|error| error.to_string())?;
+    let settings = serde_json::from_value(settings).map_err(Failure::usage)?;
+    let source = Source::open(&settings).map_err(|error| match error.is_wrong_use() {
+        true => Failure::usage(error),
+        false => Failure::failed(error),
+    })?;
     match source.view_count() {
         3 => Ok(source),
-        count => Err(format!("three views are matched, not {count}")),
+        count => Err(Failure::usage(format!(
+            "three views are matched, not {count}"
+        ))),
     }
 }
 

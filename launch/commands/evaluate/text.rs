@@ -78,7 +78,7 @@ fn figures(report: &Report, at: usize, method: Method, text: &mut String) {
                 mean.bad_2,
                 mean.median,
             ],
-            [mean.points, mean.mismatches],
+            [mean.points, mean.mismatches].map(|sum| sum / report.scenes.len() as u64),
         );
     }
     writeln!(

@@ -12,6 +12,9 @@ pub(super) struct Axis {
     values: Vec<Value>,
 }
 
+/// The nodes whose settings change results of the same images.
+const SWEPT: [&str; 4] = ["filter", "track", "hough", "match"];
+
 /// More are hardly meant.
 const MOST: usize = 1000;
 
@@ -23,12 +26,19 @@ impl Axis {
         let Some(((node, key), values)) = parts.filter(|(_, values)| !values.is_empty()) else {
             return Err(format!("--sweep expects node.key=1,2,3, not {text:?}"));
         };
+        let (node, key) = (node.trim(), key.trim());
+        if !SWEPT.contains(&node) || (node, key) == ("match", "reference") {
+            let swept = SWEPT.join(", ");
+            return Err(format!(
+                "{node}.{key} cannot be swept, only settings of {swept} on the same views: use --set, once for each value"
+            ));
+        }
         // Lists, as of channels, have commas of their own.
         let parsed = serde_json::from_str(&format!("[{values}]"));
         let plain = || values.split(',').map(|value| Value::from(value.trim()));
         Ok(Self {
-            node: node.trim().to_owned(),
-            key: key.trim().to_owned(),
+            node: node.to_owned(),
+            key: key.to_owned(),
             values: parsed.unwrap_or_else(|_| plain().collect()),
         })
     }
@@ -86,9 +96,13 @@ mod tests {
         );
         let axis = Axis::parse("filter.channels=[4,2],[2]").unwrap();
         assert_eq!(axis.values[0], serde_json::json!([4, 2]));
-        let axis = Axis::parse("match.reference=left,centre").unwrap();
-        assert_eq!(axis.values, ["left", "centre"]);
-        for wrong in ["match.gap", "gap=1", "match.gap="] {
+        let axis = Axis::parse("match.assignment=point,curve").unwrap();
+        assert_eq!(axis.values, ["point", "curve"]);
+        let elsewhere = ["match.reference=left", "capture.focal=1"];
+        for wrong in ["match.gap", "gap=1", "match.gap="]
+            .into_iter()
+            .chain(elsewhere)
+        {
             assert!(Axis::parse(wrong).is_err(), "{wrong}");
         }
     }

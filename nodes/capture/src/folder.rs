@@ -197,8 +197,7 @@ fn album(folder: &Path, listing: &Listing, asked: &[u32]) -> Result<Option<Album
                 .collect(),
         ),
         None if let Some(layout) = middlebury::layout(folder)? => {
-            let positions = (0..layout.files.len()).map(|i| i as f64).collect();
-            (layout.files, positions, None, layout.truths)
+            (layout.files, layout.positions, None, layout.truths)
         }
         None if listing.images.is_empty() => return Ok(None),
         None => (

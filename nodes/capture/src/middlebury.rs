@@ -20,6 +20,8 @@ use crate::truth::{Encoding, TruthFile};
 /// The views of a scene, left to right, and what is known of their disparities.
 pub(crate) struct Layout {
     pub(crate) files: Vec<PathBuf>,
+    /// Where they stand, in steps: their numbers, of which some may be left out.
+    pub(crate) positions: Vec<f64>,
     /// By the view's place among the files.
     pub(crate) truths: Vec<(usize, TruthFile)>,
 }
@@ -41,7 +43,10 @@ pub(crate) fn layout(folder: &Path) -> Result<Option<Layout>, SourceError> {
     let views = |prefix: &str| -> Vec<(u32, PathBuf)> {
         let view = |name: &String| Some((number(name, prefix)?, inside.join(name)));
         let mut views: Vec<_> = names.iter().filter_map(view).collect();
+        views.retain(|(_, path)| image_file::is_image(path));
         views.sort();
+        // Of a view in several formats the first by name is taken.
+        views.dedup_by_key(|(number, _)| *number);
         views
     };
     // What is called a view is a picture; what is called a disparity need not be one.
@@ -84,6 +89,7 @@ pub(crate) fn layout(folder: &Path) -> Result<Option<Layout>, SourceError> {
     };
     Ok(Some(Layout {
         truths: truths.into_iter().filter_map(known).collect(),
+        positions: views.iter().map(|(number, _)| f64::from(*number)).collect(),
         files: views.into_iter().map(|(_, path)| path).collect(),
     }))
 }

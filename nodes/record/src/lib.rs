@@ -35,7 +35,7 @@ pub use batch::{Batch, Encoder, taken_kinds};
 pub use export::{CSV_HEADER, Export, ExportError, export};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
 pub use report::{Known, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report};
-pub use rewrite::{RewriteError, Rewritten, Split, Wanted, rewrite};
+pub use rewrite::{RewriteError, Rewritten, Split, Wanted, read_and_written, rewrite};
 pub use seal::{SealError, Sealed, seal};
 pub use settings::{Compression, Settings};
 pub use thread::{Report, WriterThread, spawn};

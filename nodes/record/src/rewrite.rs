@@ -19,7 +19,7 @@ use messages::record::{Beside, Codec};
 use messages::recording::{
     FileSchema, Identity, Metadata, ReadError, Recording, Scan, ScanOrder, part_path,
 };
-use messages::{Curves, Kind, Tables, Topic};
+use messages::{Curves, Kind, Stage, Tables, Topic};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -57,9 +57,22 @@ pub enum RewriteError {
         /// The one that differs.
         other: PathBuf,
     },
+    /// Two inputs were computed with different settings.
+    #[error(
+        "{} and {} were computed with different settings of {stage}: what holds of one recording does not of the other",
+        one.display(), other.display()
+    )]
+    Settings {
+        /// The one.
+        one: PathBuf,
+        /// The one that differs.
+        other: PathBuf,
+        /// The first stage whose settings differ.
+        stage: &'static str,
+    },
     /// Nothing was chosen.
-    #[error("no scan is left to write")]
-    Nothing,
+    #[error("no scan is left to write; the input holds {0}")]
+    Nothing(String),
 }
 
 /// What is to be written of the inputs.
@@ -127,13 +140,12 @@ pub fn rewrite(
         .iter()
         .map(|path| Recording::open(path))
         .collect::<Result<Vec<_>, _>>()?;
-    let own = recordings.iter().flat_map(|recording| &recording.parts);
-    let real = |path: &Path| fs::canonicalize(path).ok();
-    if let Some(part) = own
-        .into_iter()
-        .find(|part| real(out).is_some_and(|out| real(&part.path) == Some(out)))
-    {
-        return Err(RewriteError::OntoItself(part.path.clone()));
+    // What is written over is not only the first part.
+    let old = Writer::check(out, wanted.overwrite)?;
+    let read = recordings.iter().flat_map(|recording| &recording.parts);
+    let read: Vec<PathBuf> = read.map(|part| part.path.clone()).collect();
+    if let Some(part) = read_and_written(&read, old.iter().map(PathBuf::as_path).chain([out])) {
+        return Err(RewriteError::OntoItself(part));
     }
     if let Some(other) = recordings
         .iter()
@@ -144,11 +156,29 @@ pub fn rewrite(
             other: other.path().to_owned(),
         });
     }
-    for old in Writer::check(out, wanted.overwrite)? {
+    if let Some((other, stage)) = recordings.iter().find_map(|other| {
+        let stage = differing_stage(recordings[0].metadata(), other.metadata())?;
+        Some((other, stage))
+    }) {
+        return Err(RewriteError::Settings {
+            one: recordings[0].path().to_owned(),
+            other: other.path().to_owned(),
+            stage,
+        });
+    }
+    let is_wanted = |scan: u64| wanted.scans.contains(&scan);
+    if !recordings
+        .iter()
+        .any(|recording| recording.scans().any(is_wanted))
+    {
+        let held: Vec<String> = recordings.iter().map(Recording::held).collect();
+        return Err(RewriteError::Nothing(held.join("; ")));
+    }
+    for old in old {
         fs::remove_file(&old).map_err(|source| write_error(&old, source.into()))?;
     }
     let Some(first) = recordings.first() else {
-        return Err(RewriteError::Nothing);
+        return Err(RewriteError::Nothing("nothing".to_owned()));
     };
     let frame = Frame::of(first.metadata().clone(), &mut recordings, wanted.topic)?;
     let chosen = |recording: &Recording| -> Vec<u64> {
@@ -187,9 +217,29 @@ pub fn rewrite(
         offset = next;
     }
     if rewriter.done.scans == 0 {
-        return Err(RewriteError::Nothing);
+        return Err(RewriteError::Nothing("none of the topics".to_owned()));
     }
     rewriter.finish()
+}
+
+/// The first file that is read and would be written too.
+pub fn read_and_written<'a>(
+    read: &[PathBuf],
+    written: impl IntoIterator<Item = &'a Path>,
+) -> Option<PathBuf> {
+    let real = |path: &Path| fs::canonicalize(path).ok();
+    let written: Vec<PathBuf> = written.into_iter().filter_map(real).collect();
+    let is_both = |path: &&PathBuf| real(path).is_some_and(|path| written.contains(&path));
+    read.iter().find(is_both).cloned()
+}
+
+/// The first stage that two recordings were computed with different settings of.
+fn differing_stage(one: &Metadata, other: &Metadata) -> Option<&'static str> {
+    let stages = Stage::ALL.into_iter().skip(1).map(Stage::name);
+    let of = |metadata: &Metadata, stage: &str| metadata.configuration.get(stage).cloned();
+    stages
+        .into_iter()
+        .find(|stage| of(one, stage) != of(other, stage))
 }
 
 /// What stands in every part besides the scans.
