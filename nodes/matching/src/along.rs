@@ -39,6 +39,8 @@ pub(crate) struct Choice {
     pub(crate) run: u32,
     /// Share of its neighbours that agree.
     pub(crate) support: f32,
+    /// How many they are, the near ones counting more.
+    pub(crate) witnesses: f32,
 }
 
 impl Choice {
@@ -51,6 +53,7 @@ impl Choice {
         curves: [NONE; 2],
         run: 0,
         support: 0.0,
+        witnesses: 0.0,
     };
 
     /// Whether there is a disparity at all.
@@ -288,6 +291,7 @@ pub(crate) fn fill_gaps(choices: &mut [Choice], steadiness: &Steadiness) {
                     curves: [NONE; 2],
                     run: from.run,
                     support: from.support.min(to.support),
+                    witnesses: from.witnesses.min(to.witnesses),
                 };
             }
             last = at;

@@ -1,6 +1,8 @@
 //! Whole curves are matched in a closed loop, weighed against their neighbours, and their points paired row by row:
 //! the thesis's way.
 
+use messages::Size;
+
 use crate::closed_loop::Closing;
 use crate::differences::{self, Pairing};
 use crate::relation::{self, Node, Relation};
@@ -13,6 +15,7 @@ impl Matcher {
     pub(crate) fn assign_curves(
         &mut self,
         views: &[ChannelView<'_>; 3],
+        size: Size,
         range: Range,
         steps: Steps,
         width: f32,
@@ -98,6 +101,25 @@ impl Matcher {
             }
             let centroid = (s.filling == Filling::Centroid).then_some(found.disparity);
             differences::fill_whole(choices, centroid, found.disparity);
+        }
+
+        self.around
+            .clear(size, s.support_cell, s.support_within, range);
+        for (edge, choice) in reference.points.iter().zip(&self.choices) {
+            if choice.is_seen() {
+                self.around.add(edge.x, edge.y, choice.disparity);
+            }
+        }
+        self.around.settle();
+        for (edge, choice) in reference.points.iter().zip(&mut self.choices) {
+            if choice.is_some() {
+                let (share, weight) = if choice.is_seen() {
+                    self.around.agreement(edge.x, edge.y, choice.disparity)
+                } else {
+                    self.around.agreement_with(edge.x, edge.y, choice.disparity)
+                };
+                choice.witnesses = share * weight;
+            }
         }
     }
 }

@@ -69,22 +69,22 @@ impl Matcher {
             self.support
                 .keep_unique(self.rows[view].spots.len(), which, &mut self.choices, worth);
         }
-        if s.support_share > 0.0 {
-            self.around
-                .clear(size, s.support_cell, s.support_within, range);
-            for (edge, choice) in edges.iter().zip(&self.choices) {
-                if choice.is_some() {
-                    self.around.add(edge.x, edge.y, choice.disparity);
-                }
+        self.around
+            .clear(size, s.support_cell, s.support_within, range);
+        for (edge, choice) in edges.iter().zip(&self.choices) {
+            if choice.is_some() {
+                self.around.add(edge.x, edge.y, choice.disparity);
             }
-            self.around.settle();
-            for (edge, choice) in edges.iter().zip(&mut self.choices) {
-                if choice.is_some() {
-                    let (share, weight) = self.around.agreement(edge.x, edge.y, choice.disparity);
-                    choice.support = share;
-                    if share < s.support_share || weight < s.support_least {
-                        *choice = Choice::NOTHING;
-                    }
+        }
+        self.around.settle();
+        let asked = s.support_share > 0.0;
+        for (edge, choice) in edges.iter().zip(&mut self.choices) {
+            if choice.is_some() {
+                let (share, weight) = self.around.agreement(edge.x, edge.y, choice.disparity);
+                choice.support = share;
+                choice.witnesses = share * weight;
+                if asked && (share < s.support_share || weight < s.support_least) {
+                    *choice = Choice::NOTHING;
                 }
             }
         }
@@ -95,6 +95,12 @@ impl Matcher {
                 along::straighten(choices, s.straighten, s.steady, &mut self.smooth);
             }
             along::fill_gaps(choices, &steadiness);
+            for (edge, choice) in edges[curve.range()].iter().zip(choices) {
+                if choice.is_some() && !choice.is_seen() {
+                    let around = self.around.agreement_with(edge.x, edge.y, choice.disparity);
+                    choice.witnesses = around.0 * around.1;
+                }
+            }
         }
     }
 }

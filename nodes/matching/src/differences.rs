@@ -64,6 +64,7 @@ pub(crate) fn row_by_row(
             curves: [closed.curves[steps.near], closed.curves[steps.far]],
             run: 1,
             support: 0.0,
+            witnesses: 0.0,
         };
         if !steps.third {
             *choice = seen;

@@ -198,7 +198,9 @@ impl Matcher {
         match (self.settings.method, self.settings.assignment) {
             (Method::Point, _) => self.match_points(views, size, range, steps, width, channel > 0),
             (_, Assignment::Point) => self.assign_points(views, size, range, steps, channel > 0),
-            (_, Assignment::Curve) => self.assign_curves(views, range, steps, width, channel > 0),
+            (_, Assignment::Curve) => {
+                self.assign_curves(views, size, range, steps, width, channel > 0)
+            }
         }
         self.coarser.clear(size, self.settings.cell, 1.0, range);
         for (edge, choice) in reference.points.iter().zip(&self.choices) {

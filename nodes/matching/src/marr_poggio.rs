@@ -77,7 +77,8 @@ impl Matcher {
         self.around.settle();
         for (point, (edge, choice)) in edges.iter().zip(&mut self.choices).enumerate() {
             if choice.is_some() {
-                choice.support = self.around.agreement(edge.x, edge.y, choice.disparity).0;
+                let (share, weight) = self.around.agreement(edge.x, edge.y, choice.disparity);
+                (choice.support, choice.witnesses) = (share, share * weight);
                 continue;
             }
             let mut best = s.majority;
@@ -90,6 +91,7 @@ impl Matcher {
                     *choice = Choice {
                         margin: 0.0,
                         support: share,
+                        witnesses: share * weight,
                         ..chosen(candidate)
                     };
                 }
@@ -131,6 +133,7 @@ fn chosen(candidate: &Candidate) -> Choice {
         curves: candidate.curves,
         run: 1,
         support: 0.0,
+        witnesses: 0.0,
     }
 }
 

@@ -17,8 +17,8 @@ impl Matcher {
             let first = room.points.len() as u32;
             let (mut residual, mut disparity, mut support, mut seen) = (0.0, 0.0, 0.0, 0.0f32);
             self.partners.iter_mut().for_each(Vec::clear);
-            for point in curve.range() {
-                let choice = &self.choices[point];
+            let choices = &self.choices[curve.range()];
+            for (at, (point, choice)) in curve.range().zip(choices).enumerate() {
                 if !choice.is_some() {
                     continue;
                 }
@@ -38,7 +38,7 @@ impl Matcher {
                     x: reference.points[point].x,
                     y: reference.points[point].y,
                     disparity: choice.disparity,
-                    score: confidence(choice),
+                    score: confidence(choice, change(choices, at)),
                     point: point as u32,
                     filled: u32::from(!choice.is_seen()),
                 });
@@ -77,10 +77,104 @@ fn most(partners: &[(u32, u32)]) -> u32 {
     most.map_or(NONE, |&(curve, _)| curve)
 }
 
-/// How sure a point is, 0 to 1.
-fn confidence(choice: &Choice) -> f32 {
-    let sure = 1.0 * choice.margin - 1.0 * choice.cost
-        + (choice.run as f32).min(40.0) / 40.0
-        + 2.0 * choice.support;
-    1.0 / (1.0 + (-sure).exp())
+/// Points to either side along the curve over which [`change`] looks.
+const REACH: usize = 8;
+
+/// How much the disparity changes along the curve within [`REACH`] points of one, a pixel at most.
+fn change(choices: &[Choice], at: usize) -> f32 {
+    // On either side the farthest known, which may be the point itself.
+    let start = at.saturating_sub(REACH);
+    let end = choices.len().min(at + REACH + 1);
+    let before = choices[start..=at].iter().find(|choice| choice.is_some());
+    let after = choices[at..end].iter().rfind(|choice| choice.is_some());
+    let most = [before, after]
+        .into_iter()
+        .flatten()
+        .map(|far| (far.disparity - choices[at].disparity).abs())
+        .fold(0.0, f32::max);
+    most.min(1.0)
+}
+
+/// How likely a point is right within a pixel: a logistic regression.
+///
+/// Fitted to the errors over 1 px among 960,000 points of fourteen Middlebury scenes (2005/06, half size, views 1,3,5,
+/// each scene of equal weight; without Midd1 and Midd2, most of whose errors are the truth's). A scene left out of the
+/// fit is ranked as well: area under the curve 0.87, against 0.70 by cost, margin, run and support before. Of points
+/// said to be wrong with a chance of 0.02, 0.06, 0.17, 0.5, 1.6, 4.7 % there were 0.01, 0.04, 0.2, 0.7, 1.6, 3.3 %
+/// wrong.
+///
+/// Witnesses count most: a false match finds few neighbours that agree with it by chance. What else was asked and told
+/// nothing more: cost, bend, length of the run, turns, either side's gray levels, the angle to horizontal, and whether
+/// and how far a point is filled in, beyond the lesser margin and support of the two it lies between. Stronger edges are
+/// wrong more often (occluding contours), but how strong depends on the camera.
+///
+/// The other ways of matching share the order, not the chance.
+fn confidence(choice: &Choice, change: f32) -> f32 {
+    let odds = 1.81 * (1.0 + choice.witnesses).ln() - 10.27 * (1.0 - choice.support)
+        + 2.12 * choice.margin
+        - 0.76 * change
+        - 0.01;
+    1.0 / (1.0 + (-odds).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn witnesses_support_margin_and_steadiness_each_make_a_point_surer() {
+        let plain = Choice {
+            disparity: 5.0,
+            margin: 0.5,
+            support: 0.9,
+            witnesses: 12.0,
+            ..Choice::NOTHING
+        };
+        let surer = [
+            (
+                Choice {
+                    witnesses: 13.0,
+                    ..plain
+                },
+                0.2,
+            ),
+            (
+                Choice {
+                    support: 0.95,
+                    ..plain
+                },
+                0.2,
+            ),
+            (
+                Choice {
+                    margin: 0.6,
+                    ..plain
+                },
+                0.2,
+            ),
+            (plain, 0.1),
+        ];
+        let score = confidence(&plain, 0.2);
+        assert!(score > 0.5);
+        for (choice, change) in surer {
+            let surer = confidence(&choice, change);
+            assert!(surer > score && surer <= 1.0, "{choice:?}, {change}");
+        }
+    }
+
+    #[test]
+    fn a_change_is_seen_on_either_side_and_across_gaps() {
+        let at = |disparity: f32| Choice {
+            disparity,
+            ..Choice::NOTHING
+        };
+        let mut choices = [at(5.0); 20];
+        assert_eq!(change(&choices, 10), 0.0);
+        choices[18] = at(5.5);
+        choices[2] = Choice::NOTHING;
+        choices[3] = at(5.25);
+        assert_eq!([9, 10, 11].map(|i| change(&choices, i)), [0.0, 0.5, 0.25]);
+        choices[18] = at(9.0);
+        assert_eq!(change(&choices, 10), 1.0);
+    }
 }

@@ -4,7 +4,7 @@
 mod scene;
 
 use matching::{Assignment, Matcher, Method, Reference, Settings};
-use messages::{Edge, Size};
+use messages::{Edge, Point, Size};
 use scene::{Found, Scene, View, chance, wavy};
 
 const SIZE: Size = Size::new(400, 300);
@@ -394,6 +394,68 @@ fn surer_points_have_higher_scores() {
     };
     assert_eq!(found.matches.len(), truth.len());
     assert!(mean(false) > mean(true));
+}
+
+/// Texture on one slope, trembling from view to view, and as much clutter again that no two views share.
+fn noisy() -> Scene {
+    let gray = [60, 60, 60, 60, 140, 140, 140, 140];
+    let tremble = |seed: u32| (chance(seed) - 0.5) * 0.6;
+    let mut scene = Scene::default();
+    for number in 0..40u32 {
+        let (column, row) = (number % 10, (number / 10) as usize);
+        let curve = wavy(90.0 + 30.0 * column as f32, 5 + 70 * row, 60, number);
+        for (view, seen) in (0u32..).zip(&mut scene.views) {
+            let moved = |(seed, e): (u32, &Edge)| Edge {
+                x: e.x - view as f32 * slope(e.y) + tremble(3 * (100 * number + seed) + view),
+                magnitude: 10.0,
+                profile: gray,
+                ..*e
+            };
+            seen.push(&(0..).zip(&curve).map(moved).collect::<Vec<_>>());
+        }
+    }
+    for number in 0..900 {
+        let seed = 50_000 + 10 * number;
+        let curve = wavy(
+            380.0 * chance(seed),
+            (280.0 * chance(seed + 1)) as usize,
+            12,
+            seed,
+        );
+        let clutter = curve.iter().map(|e| Edge {
+            magnitude: 10.0,
+            profile: gray,
+            ..*e
+        });
+        scene.views[number as usize % 3].push(&clutter.collect::<Vec<_>>());
+    }
+    scene
+}
+
+/// The disparity of a row of the noisy scene.
+fn slope(row: f32) -> f32 {
+    8.0 + 0.02 * row
+}
+
+#[test]
+fn the_surest_half_of_a_noisy_scene_has_fewer_errors_than_the_less_sure_half() {
+    for method in [Method::ThreeView, Method::TwoView] {
+        let settings = Settings {
+            method,
+            support_share: 0.0,
+            ..Settings::default()
+        };
+        let mut points = run(&noisy(), &settings).points;
+        points.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let errors = |points: &[Point]| {
+            let is_wrong = |p: &&Point| (p.disparity - slope(p.v)).abs() > 1.0;
+            points.iter().filter(is_wrong).count()
+        };
+        let (sure, unsure) = points.split_at(points.len() / 2);
+        let [sure, unsure] = [sure, unsure].map(errors);
+        assert!(unsure >= 20, "{method:?}: {unsure} of {}", points.len());
+        assert!(4 * sure < unsure, "{method:?}: {sure} and {unsure}");
+    }
 }
 
 #[test]
