@@ -34,6 +34,9 @@ pub(crate) struct Summary {
     /// What makes the results doubtful.
     warnings: Vec<String>,
     recording: Option<PathBuf>,
+    /// Whether the images are in it, as they are after a live run.
+    #[serde(skip)]
+    has_images: bool,
 }
 
 impl Summary {
@@ -64,6 +67,7 @@ impl Summary {
             outcome: ran.outcome,
             warnings: doubts(&ran.reports).collect(),
             recording: recording.filter(|path| path.exists()).map(Path::to_owned),
+            has_images: ran.ledger.nodes.contains_key("capture"),
         }
     }
 }
@@ -159,10 +163,12 @@ impl fmt::Display for Summary {
                 "  look at it:  open it in Foxglove or Lichtblick, or: rerun {path}"
             )?;
             writeln!(f, "  what is in:  tricurve info {path}")?;
-            writeln!(
-                f,
-                "  take it out: tricurve export {path} --scan 0 --csv points.csv --ply points.ply --png pictures"
-            )?;
+            if self.has_images {
+                writeln!(
+                    f,
+                    "  take it out: tricurve export {path} --scan 0 --csv points.csv --ply points.ply --png pictures"
+                )?;
+            }
         }
         Ok(())
     }

@@ -426,20 +426,21 @@ fn run(out: &mut String, recording: &mut Recording) -> fmt::Result {
         series("hough", |of| of.milliseconds.hough),
         series("match", |of| of.milliseconds.r#match),
     ];
-    // Rendering takes a hundred times as long as any stage and would flatten them all.
-    plot::lines(out, "capture", "ms", &numbers, &stages[..1])?;
-    plot::lines(
-        out,
-        "filter, track, hough, match",
-        "ms",
-        &numbers,
-        &stages[1..],
-    )?;
+    // What took no time did not run. Rendering takes a hundred times as long as any stage and would flatten them all.
+    let ran = |series: &&Series| series.values.iter().any(|value| *value > 0.0);
+    if stages[..1].iter().any(|stage| ran(&stage)) {
+        plot::lines(out, "capture", "ms", &numbers, &stages[..1])?;
+    }
+    let later: Vec<Series> = stages[1..].iter().filter(ran).cloned().collect();
+    if !later.is_empty() {
+        let names: Vec<&str> = later.iter().map(|stage| stage.name.as_str()).collect();
+        plot::lines(out, &names.join(", "), "ms", &numbers, &later)?;
+    }
     let computing = series("computing", |of| {
         let spent = of.milliseconds;
         spent.filter + spent.track + spent.hough + spent.r#match
     });
-    plot::lines(out, "all four together", "ms", &numbers, &[computing])?;
+    plot::lines(out, "all of them together", "ms", &numbers, &[computing])?;
     out.push_str("</div><h3>Counts</h3><div class=\"grid three\">");
     let counts: [(&str, &str, Of); 6] = [
         ("zero-crossings", "", |of| of.edges as f64),
@@ -450,7 +451,10 @@ fn run(out: &mut String, recording: &mut Recording) -> fmt::Result {
         ("recorded", "MB", |of| of.bytes as f64 / 1e6),
     ];
     for (name, unit, of) in counts {
-        plot::lines(out, name, unit, &numbers, &[series(name, of)])?;
+        let counted = series(name, of);
+        if ran(&&counted) {
+            plot::lines(out, name, unit, &numbers, &[counted])?;
+        }
     }
     out.write_str("</div></section>\n")
 }

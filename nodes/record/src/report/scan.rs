@@ -142,15 +142,18 @@ impl<'a> Drawn<'a> {
         let statistics =
             statistics.and_then(|json| serde_json::from_slice::<Statistics>(json).ok());
         if let Some(of_scan) = statistics {
-            write!(
-                out,
-                "; {} zero-crossings, {} curves, {} matched, {} points in space, disparity known at {:.1} % of all pixels",
-                count(of_scan.edges),
-                count(of_scan.curves),
-                count(of_scan.matches),
-                count(of_scan.points),
-                of_scan.known * 100.0
-            )?;
+            // What was not recorded was not counted.
+            let counts = [
+                (of_scan.edges, "zero-crossings"),
+                (of_scan.curves, "curves"),
+                (of_scan.matches, "matched"),
+                (of_scan.points, "points in space"),
+            ];
+            for (number, name) in counts.into_iter().filter(|(number, _)| *number > 0) {
+                write!(out, "; {} {name}", count(number))?;
+            }
+            let known = of_scan.known * 100.0;
+            write!(out, "; disparity known at {known:.1} % of all pixels")?;
         }
         out.push_str(".</p>");
         if self.sheet.step > 1 {

@@ -18,9 +18,11 @@ pub struct Known {
 }
 
 /// Keys in which every run differs from every other, or that the head of the page says in words.
-const SAID_ELSEWHERE: [(&str, &str); 4] = [
+const SAID_ELSEWHERE: [(&str, &str); 6] = [
     ("capture", "source"),
     ("capture", "start"),
+    ("capture", "truth"),
+    ("evaluate", "view"),
     ("record", "file"),
     ("record", "overwrite"),
 ];
