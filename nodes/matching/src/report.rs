@@ -3,7 +3,7 @@
 use messages::{CurvesView, Match, MatchPoint, MatchesRoom, NONE};
 
 use crate::along::Choice;
-use crate::{Matcher, Steps};
+use crate::{Assignment, Matcher, Method, Steps};
 
 impl Matcher {
     /// Writes down the matched curves and their points.
@@ -13,6 +13,13 @@ impl Matcher {
         steps: Steps,
         room: &mut MatchesRoom<'_>,
     ) {
+        let by_point =
+            self.settings.method != Method::Point && self.settings.assignment == Assignment::Point;
+        let least = if by_point {
+            self.settings.score_least
+        } else {
+            0.0
+        };
         for (label, curve) in (0..).zip(reference.curves) {
             let first = room.points.len() as u32;
             let (mut residual, mut disparity, mut support, mut seen) = (0.0, 0.0, 0.0, 0.0f32);
@@ -20,6 +27,10 @@ impl Matcher {
             let choices = &self.choices[curve.range()];
             for (at, (point, choice)) in curve.range().zip(choices).enumerate() {
                 if !choice.is_some() {
+                    continue;
+                }
+                let score = confidence(choice, change(choices, at));
+                if score < least {
                     continue;
                 }
                 disparity += choice.disparity;
@@ -38,7 +49,7 @@ impl Matcher {
                     x: reference.points[point].x,
                     y: reference.points[point].y,
                     disparity: choice.disparity,
-                    score: confidence(choice, change(choices, at)),
+                    score,
                     point: point as u32,
                     filled: u32::from(!choice.is_seen()),
                 });
