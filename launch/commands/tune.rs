@@ -23,8 +23,8 @@ use sweep::{Axis, combinations};
 
 /// What is swept when nothing is said: what moves most along the front of the default settings.
 const AXES: [&str; 2] = [
-    "match.support_share=0.5,0.65,0.8,0.9",
-    "match.gray_cost=0.06,0.12,0.2",
+    "match.score_least=0,0.97,0.99,0.995",
+    "match.gray_cost=0.06,0.08,0.12",
 ];
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
