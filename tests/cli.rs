@@ -94,7 +94,7 @@ fn a_recording_that_is_there_is_overwritten_only_by_force() {
     ];
     world.run(&run).done();
     let ran = world.run(&run);
-    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert_eq!(ran.code, Some(2), "{ran:?}");
     assert!(
         ran.err.contains("x.mcap") && ran.err.contains("--force"),
         "{}",
