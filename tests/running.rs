@@ -92,7 +92,9 @@ fn a_node_that_is_restarted_by_hand_loses_nothing() {
     let world = World::new();
     let graph = graph(&world);
     // Nothing is restarted before the graph has begun.
-    world.run(&["topic", "echo", "points", "--count", "1"]).done();
+    world
+        .run(&["topic", "echo", "points", "--count", "1"])
+        .done();
     let nodes = || world.run(&["node", "list", "--json"]).done().json();
     let names: Vec<String> = nodes()
         .as_array()
