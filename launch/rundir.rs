@@ -83,10 +83,16 @@ impl RunDir {
         let name = run_name(std::process::id(), now.as_secs());
         let prefix = prefix_of(&name);
         let path = home.join(&name);
-        let alive = PathBuf::from(SHARED_MEMORY).join(format!("{prefix}{ALIVE}"));
-        let alive = File::create(&alive)
-            .map_err(|e| io::Error::new(e.kind(), format!("{}: {e}", alive.display())))?;
+        // Held before it gets the name by which others find it: they would take it for a dead run's.
+        let shared = Path::new(SHARED_MEMORY);
+        let (unnamed, named) = (
+            shared.join(format!(".{prefix}{ALIVE}")),
+            shared.join(format!("{prefix}{ALIVE}")),
+        );
+        let alive = File::create(&unnamed)
+            .map_err(|e| io::Error::new(e.kind(), format!("{}: {e}", unnamed.display())))?;
         flock(&alive, FlockOperation::NonBlockingLockShared)?;
+        fs::rename(&unnamed, &named)?;
         // Complete before it gets the name by which others find it.
         let unnamed = home.join(format!(".{name}"));
         DirBuilder::new().mode(0o700).create(&unnamed)?;
