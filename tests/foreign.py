@@ -125,6 +125,10 @@ def main(path, csv_path):
                     expect(decoded.rows[-1] == (len(decoded.order) or entries), f'{topic}: order')
                 case 'tricurve.Matches':
                     runs(decoded.matches, len(packed(decoded.points)), topic)
+                case 'tricurve.Evaluation':
+                    shares = [decoded.scores[0].coverage, *(step.bad_one for step in decoded.curve)]
+                    expect(all(0 <= share <= 1 for share in shares), f'{topic}: shares {shares}')
+                    expect(len(decoded.curve) == 20, f'{topic}: curve')
                 case other:
                     expect(False, f'{topic}: unknown schema {other}')
     for key, times in annotations.items():
