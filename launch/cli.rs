@@ -153,6 +153,9 @@ pub(crate) struct Record {
     /// A new part after so many seconds of recorded time
     #[arg(long, value_name = "S")]
     pub(crate) max_duration: Option<f64>,
+    /// End after so many scans
+    #[arg(long, value_name = "N", conflicts_with = "snapshot")]
+    pub(crate) scans: Option<u64>,
     /// Keep the last seconds in memory; Enter or SIGUSR1 writes them
     #[arg(long, value_name = "SECONDS", conflicts_with_all = ["max_size", "max_duration"])]
     pub(crate) snapshot: Option<f64>,

@@ -330,7 +330,7 @@ fn toml_value(value: Option<&Value>) -> Option<toml::Value> {
     toml::Value::try_from(value).ok()
 }
 
-fn checked(node: &NodeType, value: &Value) -> Result<(), String> {
+pub(crate) fn checked(node: &NodeType, value: &Value) -> Result<(), String> {
     (node.check)(value).map_err(|text| {
         // Serde names the value but not the key: find the key that does not parse by itself.
         let Value::Object(whole) = value else {
@@ -353,7 +353,7 @@ fn checked(node: &NodeType, value: &Value) -> Result<(), String> {
     })
 }
 
-fn known_node(name: &str) -> Result<(), String> {
+pub(crate) fn known_node(name: &str) -> Result<(), String> {
     if name == GRAPH || registry::find(name).is_some() {
         return Ok(());
     }
@@ -367,7 +367,7 @@ fn known_node(name: &str) -> Result<(), String> {
     })
 }
 
-fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), String> {
+pub(crate) fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), String> {
     let known = || keys.iter().map(|key| key.name);
     if known().any(|name| name == key) {
         return Ok(());

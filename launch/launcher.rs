@@ -3,12 +3,14 @@
 use std::time::Duration;
 
 use messages::Rig;
-use messages::bus::Run;
+use messages::bus::{self, Run};
+use messages::change::Change;
 use serde_json::Value;
 
 use crate::Failure;
 use crate::graph::Graph;
 use crate::node::Orders;
+use crate::parameters::Parameters;
 use crate::progress::{Progress, Timeline};
 use crate::rundir::{self, RunDir, SHARED_MEMORY};
 use crate::supervisor::{Duty, Ran, Supervisor};
@@ -29,6 +31,10 @@ pub(crate) struct Launch<'a> {
     pub(crate) is_quiet: bool,
     /// The time of the source's scans, where keys may control how they are played.
     pub(crate) timeline: Option<Timeline>,
+    /// Settings that hold otherwise from a scan on.
+    pub(crate) changes: Vec<Change>,
+    /// Why the source cannot be sought in, if it cannot.
+    pub(crate) no_seek: Option<&'static str>,
 }
 
 /// Runs a graph to its end; what its nodes left in the run's folder is there as long as that is held.
@@ -45,6 +51,8 @@ pub(crate) fn launch(launch: Launch<'_>) -> Result<(Ran, RunDir), Failure> {
         remarks,
         is_quiet,
         timeline,
+        changes,
+        no_seek,
     } = launch;
     let in_flight = graph.source_settings().get("in_flight");
     let run = Run {
@@ -70,11 +78,17 @@ pub(crate) fn launch(launch: Launch<'_>) -> Result<(Ran, RunDir), Failure> {
         scans,
     };
     orders.write(dir.path()).map_err(Failure::failed)?;
+    bus::write_changes(dir.path(), &changes)
+        .map_err(|e| Failure::failed(format!("cannot write into the run's folder: {e}")))?;
+    let parameters = Parameters::new(&orders.configuration, &changes);
     let duty = Duty {
         nodes,
         folder: dir.path(),
         restarts: graph.settings.restarts,
         patience: Duration::from_secs_f64(graph.settings.patience),
+        parameters,
+        changes,
+        no_seek,
     };
     let mut progress = Progress::new(is_quiet, timeline);
     let ran = Supervisor::run(duty, &mut progress);

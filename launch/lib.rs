@@ -17,6 +17,7 @@ macro_rules! say {
 }
 pub(crate) use say;
 
+mod asks;
 mod cli;
 mod commands;
 mod graph;
@@ -24,10 +25,12 @@ mod keys;
 mod launcher;
 mod node;
 mod offline;
+mod parameters;
 mod progress;
 mod registry;
 mod rundir;
 mod running;
+mod snapshot;
 mod supervisor;
 
 use std::process::ExitCode;

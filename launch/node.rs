@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use messages::bus::{Bus, Progress, Run, Start, complain};
+use messages::bus::{Bus, Progress, Run, Start, complain, read_changes};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -64,13 +64,11 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         Some(json) => serde_json::from_str(json)?,
         None => Progress::default(),
     };
-    let successor_from = (args.life > 0).then_some(resume.done_below);
-    let mut bus = Bus::join(orders.run.clone(), node.name, successor_from)?;
     let Orders {
+        run,
         configuration,
         graph,
         scans,
-        ..
     } = orders;
     let start = Start {
         life: args.life,
@@ -78,6 +76,8 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         configuration,
         graph,
         scans,
+        changes: read_changes(&args.run),
     };
+    let mut bus = Bus::join(run, node.name, &start)?;
     (node.run)(&mut bus, &settings, &start)
 }

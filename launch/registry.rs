@@ -27,6 +27,8 @@ pub(crate) struct NodeType {
     pub(crate) finishes: bool,
     /// All keys of its settings.
     pub(crate) keys: &'static [Key],
+    /// Which of them cannot be changed while it runs; `None` when none can.
+    pub(crate) fixed: Option<&'static [&'static str]>,
     /// Its settings in a profile.
     pub(crate) settings: fn(Profile) -> Value,
     /// Checks settings: types and ranges.
@@ -35,10 +37,17 @@ pub(crate) struct NodeType {
     pub(crate) run: Be,
 }
 
+impl NodeType {
+    /// Whether this one of its settings can be changed while it runs.
+    pub(crate) fn is_tunable(&self, key: &str) -> bool {
+        self.fixed.is_some_and(|fixed| !fixed.contains(&key))
+    }
+}
+
 /// A line of the registry.
 macro_rules! node {
     ($name:literal, $($krate:ident)::+, $about:literal, takes $takes:expr, makes $makes:expr, finishes $finishes:literal,
-     thesis $thesis:expr) => {
+     fixed $fixed:expr, thesis $thesis:expr) => {
         NodeType {
             name: $name,
             about: $about,
@@ -46,6 +55,7 @@ macro_rules! node {
             makes: $makes,
             finishes: $finishes,
             keys: <$($krate)::+::Settings as Settings>::KEYS,
+            fixed: $fixed,
             settings: |profile| match profile {
                 Profile::Default => json(&$($krate)::+::Settings::default()),
                 Profile::Thesis => json(&$thesis),
@@ -59,23 +69,25 @@ macro_rules! node {
 /// All kinds of node, in the order of the pipe.
 pub(crate) const NODES: &[NodeType] = &[
     node!("capture", capture, "where scans come from",
-        takes |_| Stage::Capture.takes().to_vec(), makes captured, finishes false, thesis capture::Settings::default()),
+        takes |_| Stage::Capture.takes().to_vec(), makes captured, finishes false, fixed None, thesis capture::Settings::default()),
     node!("replay", replay, "a recording in place of the stages before the cut",
-        takes |_| vec![], makes replayed, finishes false, thesis replay::Settings::default()),
+        takes |_| vec![], makes replayed, finishes false, fixed None, thesis replay::Settings::default()),
     node!("filter", filter, "Laplacian of Gaussian, zero-crossings, gradients",
-        takes |_| Stage::Filter.takes().to_vec(), makes |_| Stage::Filter.makes().collect(), finishes false, thesis filter::Settings::thesis()),
+        takes |_| Stage::Filter.takes().to_vec(), makes |_| Stage::Filter.makes().collect(), finishes false, fixed Some(&["channels"]), thesis filter::Settings::thesis()),
     node!("track", track, "zero-crossings become curves",
-        takes |_| Stage::Track.takes().to_vec(), makes |_| Stage::Track.makes().collect(), finishes false, thesis track::Settings::thesis()),
+        takes |_| Stage::Track.takes().to_vec(), makes |_| Stage::Track.makes().collect(), finishes false, fixed Some(&[]), thesis track::Settings::thesis()),
     node!("hough", hough, "curves become R-tables",
-        takes |_| Stage::Hough.takes().to_vec(), makes |_| Stage::Hough.makes().collect(), finishes false, thesis hough::Settings::thesis()),
+        takes |_| Stage::Hough.takes().to_vec(), makes |_| Stage::Hough.makes().collect(), finishes false, fixed Some(&[]), thesis hough::Settings::thesis()),
     node!("match", matching, "R-tables become matches, disparities and points",
-        takes |_| Stage::Match.takes().to_vec(), makes |_| Stage::Match.makes().collect(), finishes true, thesis matching::Settings::thesis()),
+        takes |_| Stage::Match.takes().to_vec(), makes |_| Stage::Match.makes().collect(), finishes true, fixed Some(&["reference"]), thesis matching::Settings::thesis()),
     node!("evaluate", evaluate, "points against the truth, where the source knows it",
-        takes |_| Stage::Evaluate.takes().to_vec(), makes |_| Stage::Evaluate.makes().collect(), finishes true, thesis evaluate::Settings::default()),
+        takes |_| Stage::Evaluate.takes().to_vec(), makes |_| Stage::Evaluate.makes().collect(), finishes true, fixed Some(&["view"]), thesis evaluate::Settings::default()),
     node!("record", record, "every topic into MCAP",
-        takes recorded, makes |_| vec![], finishes true, thesis record::Settings::default()),
+        takes recorded, makes |_| vec![], finishes true, fixed None, thesis record::Settings::default()),
+    node!("bridge", bridge, "the graph for Foxglove and other viewers",
+        takes |_| vec![], makes |_| vec![], finishes false, fixed None, thesis bridge::Settings::default()),
     node!("verify", replay::verify, "compares what is computed with what was recorded",
-        takes verified, makes |_| vec![], finishes true, thesis replay::verify::Settings::default()),
+        takes verified, makes |_| vec![], finishes true, fixed None, thesis replay::verify::Settings::default()),
 ];
 
 fn captured(settings: &Value) -> Vec<Kind> {

@@ -14,12 +14,18 @@ use std::process::{Child, ChildStdin, Command as Process, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
-use messages::bus::{Command, Event, Level, Log, NodeReport, Progress};
+use messages::bus::{
+    self, Answer, Ask, Command, Event, Level, Log, NodeReport, NodeState, Play, Playing, Progress,
+    State,
+};
+use messages::change::Change;
 use messages::ledger::Ledger;
 
+use crate::asks::{self, Asked};
 use crate::cli::BE_NODE;
 use crate::keys::{self, Key, Keys};
-use crate::{Failure, Outcome};
+use crate::parameters::Parameters;
+use crate::{Failure, Outcome, snapshot};
 
 /// What the supervisor is told.
 pub(crate) struct Duty<'a> {
@@ -31,6 +37,12 @@ pub(crate) struct Duty<'a> {
     pub(crate) restarts: u32,
     /// How long nothing may move.
     pub(crate) patience: Duration,
+    /// What can be set while it runs.
+    pub(crate) parameters: Parameters,
+    /// Settings that hold otherwise from a scan on.
+    pub(crate) changes: Vec<Change>,
+    /// Why the source cannot be sought in, if it cannot.
+    pub(crate) no_seek: Option<&'static str>,
 }
 
 /// What a run came to.
@@ -63,6 +75,15 @@ enum News {
     Gone(usize, u32),
     Signal,
     Key(Key),
+    Asked(Asked),
+}
+
+/// Changes on their way: no scan is let in until every node has noted them.
+struct Pending {
+    changes: Vec<Change>,
+    replies: Vec<Sender<Answer>>,
+    /// The nodes that have not noted them yet, once it is known from which scan on they hold.
+    waiting: Option<Vec<usize>>,
 }
 
 struct Node {
@@ -106,6 +127,10 @@ pub(crate) struct Supervisor<'a, W> {
     signals: u32,
     moved: Instant,
     has_resent: bool,
+    playing: Option<Playing>,
+    /// Changes that wait until those on their way have arrived.
+    queued: Vec<(Vec<Change>, Sender<Answer>)>,
+    pending: Option<Pending>,
     trouble: Option<(Outcome, String)>,
 }
 
@@ -134,8 +159,16 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             signals: 0,
             moved: Instant::now(),
             has_resent: false,
+            playing: None,
+            queued: Vec::new(),
+            pending: None,
             trouble: None,
         };
+        let told = supervisor.teller.clone();
+        asks::listen(supervisor.duty.folder, move |asked| {
+            told.send(News::Asked(asked)).is_ok()
+        })
+        .map_err(|e| Failure::failed(format!("cannot listen in the run's folder: {e}")))?;
         let result = supervisor.supervise();
         for node in &mut supervisor.nodes {
             end(node);
@@ -246,6 +279,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             }
             Ok(News::Gone(place, life)) if self.nodes[place].life == life => self.gone(place)?,
             Ok(News::Key(Key::Play(play))) => self.nodes[0].tell(&Command::Play { play }),
+            Ok(News::Asked((ask, reply))) => self.asked(ask, reply),
             Ok(News::Signal | News::Key(Key::End)) => {
                 self.signals += 1;
                 if self.signals == 1 {
@@ -292,8 +326,181 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             Event::Finished(report) => {
                 self.nodes[place].report = Some(report);
                 self.nodes[place].has_finished = true;
+                self.noted(place);
+            }
+            Event::Playing(playing) => self.playing = Some(playing),
+            Event::Held { admitted } => self.held(admitted),
+            Event::Changed { count } if count >= self.duty.changes.len() => self.noted(place),
+            Event::Changed { .. } => {}
+        }
+    }
+
+    /// Answers what is asked from outside, at once or when it is done.
+    fn asked(&mut self, ask: Ask, reply: Sender<Answer>) {
+        let answer = match ask {
+            Ask::State => Some(Answer::State(Box::new(self.state()))),
+            Ask::Set { values } => self.set(&values, &reply),
+            Ask::Play { play } => Some(self.play(play)),
+            Ask::Snapshot if self.playing.is_some_and(|playing| playing.is_paused) => {
+                let why = "the graph is paused: no scan comes that could be written".to_owned();
+                Some(Answer::Refused { why })
+            }
+            Ask::Snapshot => snapshot::take(self.duty.folder, &reply).err(),
+        };
+        if let Some(answer) = answer {
+            reply.send(answer).unwrap_or_default();
+        }
+    }
+
+    fn state(&self) -> State {
+        let node = |node: &Node| NodeState {
+            name: node.name.clone(),
+            state: match (node.has_finished, node.has_begun && node.is_connected) {
+                (true, _) => "finished",
+                (false, true) => "running",
+                (false, false) => "starting",
+            }
+            .to_owned(),
+            restarts: node.life,
+        };
+        State {
+            parameters: self.duty.parameters.list(),
+            playing: self.playing,
+            progress: self.progress.clone(),
+            nodes: self.nodes.iter().map(node).collect(),
+        }
+    }
+
+    fn play(&mut self, play: Play) -> Answer {
+        let playing = self.playing.unwrap_or_default();
+        let why = match play {
+            Play::Seek(_) | Play::Rate(_) | Play::Faster | Play::Slower
+                if !playing.is_recording =>
+            {
+                Some("a source that is no recording cannot be sought in nor played at a rate")
+            }
+            Play::Seek(_) => self.duty.no_seek,
+            Play::Rate(rate) if !(rate.is_finite() && rate > 0.0) => {
+                Some("a rate is a number above 0")
+            }
+            _ => None,
+        };
+        if let Some(why) = why.map(str::to_owned) {
+            return Answer::Refused { why };
+        }
+        self.nodes[0].tell(&Command::Play { play });
+        let text = "played so".to_owned();
+        Answer::Done { text }
+    }
+
+    /// Sets parameters otherwise, from the next scan on; gives the answer when there is nothing to wait for.
+    fn set(
+        &mut self,
+        values: &BTreeMap<String, serde_json::Value>,
+        reply: &Sender<Answer>,
+    ) -> Option<Answer> {
+        let changes = match self.duty.parameters.changes(values) {
+            Ok(changes) if changes.is_empty() => {
+                let text = "it is so already".to_owned();
+                return Some(Answer::Done { text });
+            }
+            Ok(changes) => changes,
+            Err(why) => return Some(Answer::Refused { why }),
+        };
+        let source = &self.nodes[0];
+        if !source.has_begun || source.has_finished {
+            let why = "no scan will come that it could hold for".to_owned();
+            return Some(Answer::Refused { why });
+        }
+        // What is asked next is checked against what this makes of it.
+        self.duty.parameters.apply(&changes);
+        self.queued.push((changes, reply.clone()));
+        self.hold();
+        None
+    }
+
+    /// Lets no scan in, so that it can be said from which one on what is queued holds.
+    fn hold(&mut self) {
+        if self.pending.is_some() || self.queued.is_empty() {
+            return;
+        }
+        let (mut changes, mut replies) = (Vec::new(), Vec::new());
+        for (more, reply) in self.queued.drain(..) {
+            changes.extend(more);
+            replies.push(reply);
+        }
+        self.pending = Some(Pending {
+            changes,
+            replies,
+            waiting: None,
+        });
+        self.nodes[0].tell(&Command::Hold);
+    }
+
+    /// So many scans went in, and none goes until every node has noted what holds from then on.
+    fn held(&mut self, admitted: u64) {
+        let Some(pending) = self.pending.as_mut().filter(|p| p.waiting.is_none()) else {
+            return;
+        };
+        for change in &mut pending.changes {
+            change.from = admitted;
+        }
+        let changes = std::mem::take(&mut pending.changes);
+        self.duty.changes.extend(changes.iter().cloned());
+        // A node that starts from now on reads them there.
+        let written = bus::write_changes(self.duty.folder, &self.duty.changes);
+        if let Err(error) = written {
+            let text = format!("cannot write into the run's folder: {error}");
+            self.trouble.get_or_insert((Outcome::Failed, text));
+        }
+        let mut waiting = Vec::new();
+        for (place, node) in self.nodes.iter_mut().enumerate() {
+            if !node.has_finished {
+                node.tell(&Command::Change {
+                    changes: changes.clone(),
+                });
+                waiting.push(place);
             }
         }
+        for change in &changes {
+            self.watcher.say(Level::Info, "launch", &change.to_string());
+        }
+        pending.waiting = Some(waiting);
+    }
+
+    /// A node knows all changes, or is no more.
+    fn noted(&mut self, place: usize) {
+        let Some(pending) = &mut self.pending else {
+            return;
+        };
+        if place == 0 && pending.waiting.is_none() && self.nodes[0].has_finished {
+            // The source ended before it could say from when on: no scan is left for it to hold for.
+            let why = "the source has ended".to_owned();
+            for reply in pending.replies.drain(..) {
+                reply
+                    .send(Answer::Refused { why: why.clone() })
+                    .unwrap_or_default();
+            }
+            self.pending = None;
+            return;
+        }
+        let Some(waiting) = &mut pending.waiting else {
+            return;
+        };
+        waiting.retain(|waiting| *waiting != place);
+        if !waiting.is_empty() {
+            return;
+        }
+        let from = self.duty.changes.last().map_or(0, |change| change.from);
+        let text = format!("it holds from scan {from} on");
+        for reply in pending.replies.drain(..) {
+            reply
+                .send(Answer::Done { text: text.clone() })
+                .unwrap_or_default();
+        }
+        self.pending = None;
+        self.nodes[0].tell(&Command::Go);
+        self.hold();
     }
 
     /// A node is dead: if it was killed it is restarted, if it gave up the run fails.
@@ -336,6 +543,8 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             &format!("{name} {how}: it is restarted"),
         );
         self.nodes[place] = self.spawn(place, life + 1)?;
+        // The new one reads what was changed.
+        self.noted(place);
         self.connecting = false;
         for node in &mut self.nodes {
             node.is_connected = false;
@@ -364,6 +573,10 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             let is_restart = self.nodes.iter().any(|n| n.has_begun);
             // The door opens last.
             for node in self.nodes.iter_mut().rev().filter(|n| !n.has_begun) {
+                // Until changes on their way have arrived it stays closed.
+                if self.pending.is_some() {
+                    node.tell(&Command::Hold);
+                }
                 node.tell(&Command::Begin);
                 node.has_begun = true;
             }

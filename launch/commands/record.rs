@@ -59,6 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         metadata,
         topic: &topic,
         settings,
+        scans: args.scans,
         snapshot: args.snapshot,
     };
     if !args.json {
@@ -66,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let attached = attach(recorder, |told| wishes.next(told)).map_err(|error| match error {
         AttachError::Bus(error) => Failure::failed(format!(
-            "cannot join {}: {error}; at most two may listen to a run at once",
+            "cannot join {}: {error}; only so many may listen to a run at once",
             running.name()
         )),
         error => Failure::failed(error),
@@ -105,6 +106,8 @@ struct Wishes {
     end: Arc<AtomicBool>,
     snapshot: Arc<AtomicBool>,
     is_quiet: bool,
+    /// After how many scans to end.
+    scans: Option<u64>,
     next_look: Instant,
     next_line: Instant,
     gone: bool,
@@ -139,6 +142,7 @@ impl Wishes {
             end,
             snapshot,
             is_quiet: args.json,
+            scans: args.scans,
             next_look: Instant::now(),
             next_line: Instant::now() + LINE_EVERY,
             gone: false,
@@ -157,7 +161,8 @@ impl Wishes {
             } = told;
             crate::say!("{scans} scans taken in, {missed} missed, {behind} behind");
         }
-        if self.end.load(Ordering::Relaxed) || self.gone {
+        let is_all = self.scans.is_some_and(|scans| told.scans >= scans);
+        if self.end.load(Ordering::Relaxed) || self.gone || is_all {
             return Wish::End;
         }
         if now >= self.next_look {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
+use messages::change::Change;
 use messages::recording::Recording;
 use messages::{Kind, Rig, Stage, Topic};
 use replay::verify::Findings;
@@ -69,6 +70,15 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             return Err(Failure::usage(text));
         }
     }
+    let new_settings = recorded_changes(args, &graph, &source, &selection)?;
+    let no_seek = match (&new_recording, args.verify, new_settings.is_empty()) {
+        (Some(_), ..) => Some("a replay that is recorded cannot be sought in"),
+        (_, true, _) => Some("a replay that is verified cannot be sought in"),
+        (.., false) => {
+            Some("settings were changed while it was recorded: a replay cannot be sought in")
+        }
+        _ => None,
+    };
     let changed = changes(&graph, recorded);
     let rig = rig(&graph, &source)?;
     let names = &source.metadata().scans;
@@ -85,6 +95,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         timeline: Some(Timeline(
             selection.scans.iter().map(|(_, nanos)| *nanos).collect(),
         )),
+        changes: new_settings,
+        no_seek,
     })?;
     let summary = table::Summary::new(&ran, new_recording.as_deref());
     let verified = args.verify.then(|| {
@@ -106,6 +118,37 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         false => super::print(&report.to_string())?,
     }
     Ok(outcome)
+}
+
+/// The settings that were changed while it was recorded, of the stages that compute, by the numbers of the scans as they
+/// are played. What is set on the command line holds throughout.
+fn recorded_changes(
+    args: &Args,
+    graph: &Graph,
+    source: &Recording,
+    selection: &Selection,
+) -> Result<Vec<Change>, Failure> {
+    let is_set = |change: &Change| {
+        let name = format!("{}.{}", change.node, change.key);
+        let set = |line: &String| {
+            line.split_once('=')
+                .is_some_and(|(key, _)| key.trim() == name)
+        };
+        args.set.iter().any(set)
+    };
+    let mut changes = source.changes();
+    changes.retain(|change| graph.has(&change.node) && !is_set(change));
+    if args.repeat && !changes.is_empty() {
+        return Err(Failure::usage(format!(
+            "{}: it cannot be played in a loop; --set that key, or leave --loop out",
+            changes[0]
+        )));
+    }
+    for change in &mut changes {
+        let before = |(scan, _): &(u64, u64)| *scan < change.from;
+        change.from = selection.scans.partition_point(before) as u64;
+    }
+    Ok(changes)
 }
 
 /// Which scans are wanted, by number or by time.

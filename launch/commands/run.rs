@@ -50,6 +50,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         remarks: Vec::new(),
         is_quiet: args.json,
         timeline: None,
+        changes: Vec::new(),
+        no_seek: None,
     })?;
     let summary = table::Summary::new(&ran, recording.as_deref());
     match args.json {

@@ -14,13 +14,16 @@
 //! A node never waits for another one, only for its inbox. A launcher that dies closes its children's standard input;
 //! they then end by themselves.
 
+mod ask;
 mod control;
+mod doctor;
 mod gate;
 mod guest;
 mod inputs;
 mod meter;
 mod outputs;
 mod ports;
+mod tuned;
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
@@ -33,20 +36,27 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::change::Change;
 use crate::header::Header;
 use crate::ledger::{Account, Ledger, Seen};
 use crate::payload::AnyView;
 use crate::rig::{Delivery, Rig};
 use crate::topic::{Kind, Topic};
 
-pub use control::{Command, Event, Level, Log, NodeReport, Play, Progress};
+pub use ask::{
+    Answer, Ask, LONGEST_LINE, NodeState, Parameter, State, ask, read_changes, socket_of,
+    write_changes,
+};
+pub use control::{Command, Event, Level, Log, NodeReport, Play, Playing, Progress};
+pub use doctor::Doctor;
 pub use gate::Gate;
-pub use guest::{Guest, Hearer, LOOK_EVERY};
+pub use guest::{Guest, Hearer, LOOK_EVERY, Reports};
 pub use inputs::{Inputs, Joined, Joins, Received};
 pub use meter::{Meter, Percentiles};
 pub use outputs::{Filled, Loan, Outputs};
+pub use tuned::Tuned;
 
-use ports::{Ports, Reports};
+use ports::Ports;
 
 /// One node of a run, as the others need to know it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -133,6 +143,8 @@ pub struct Start {
     pub graph: String,
     /// The names of the source's scans, where they have some.
     pub scans: Vec<String>,
+    /// Settings that hold otherwise from a scan on.
+    pub changes: Vec<Change>,
 }
 
 /// Why the bus failed.
@@ -267,6 +279,10 @@ pub enum Request {
     Drain,
     /// Play otherwise.
     Play(Play),
+    /// Let no scan in until told to go on.
+    Hold,
+    /// Let scans in again.
+    Go,
     /// End now; the whole run's ledger, for who records it. Without one the launcher is dead.
     Stop(Option<Box<Ledger>>),
 }
@@ -282,8 +298,11 @@ pub struct Bus {
     inbox: Listener<ipc::Service>,
     commands: Receiver<Command>,
     waiting: VecDeque<Request>,
-    reports: Reports,
+    reports: ports::Reports,
     book: Rc<RefCell<Book>>,
+    changes: Rc<RefCell<Vec<Change>>>,
+    /// How many times the node was started before.
+    life: u32,
     subscribers: Vec<Rc<ports::DataSubscriber>>,
     next_report: Instant,
 }
@@ -298,12 +317,14 @@ impl std::fmt::Debug for Bus {
 }
 
 impl Bus {
-    /// Joins a run as the node of this name; when it takes the place of one that died, scans below `successor_from` are
-    /// done. Commands are read from standard input, events written to standard output, so a process has one bus.
+    /// Joins a run as the node of this name; when it takes the place of one that died, it starts where that one stood.
+    /// Commands are read from standard input, events written to standard output, so a process has one bus.
     ///
     /// # Errors
     /// When the node is not in the plan or the shared memory cannot be set up.
-    pub fn join(run: Run, name: &str, successor_from: Option<u64>) -> Result<Self, BusError> {
+    pub fn join(run: Run, name: &str, start: &Start) -> Result<Self, BusError> {
+        // What was done when its predecessor died was done by that.
+        let successor_from = (start.life > 0).then_some(start.resume.done_below);
         if !run.nodes.iter().any(|node| node.name == name) {
             return Err(BusError::Unknown(name.to_owned()));
         }
@@ -316,6 +337,8 @@ impl Bus {
             inbox,
             commands,
             reports,
+            changes: Rc::new(RefCell::new(start.changes.clone())),
+            life: start.life,
             waiting: VecDeque::new(),
             book: Rc::new(RefCell::new(Book {
                 done_below: successor_from.unwrap_or_default(),
@@ -563,6 +586,13 @@ impl Bus {
                 Command::Resend => self.waiting.push_back(Request::Resend),
                 Command::Drain => self.waiting.push_back(Request::Drain),
                 Command::Play { play } => self.waiting.push_back(Request::Play(play)),
+                Command::Hold => self.waiting.push_back(Request::Hold),
+                Command::Go => self.waiting.push_back(Request::Go),
+                Command::Change { changes } => {
+                    let mut noted = self.changes.borrow_mut();
+                    noted.extend(changes);
+                    control::say(&Event::Changed { count: noted.len() });
+                }
                 Command::Stop { ledger } => {
                     // When all are done, those a successor never saw went through its predecessor.
                     if let Some(ledger) = ledger.as_ref().filter(|l| l.done == l.admitted) {
@@ -590,6 +620,7 @@ impl Bus {
             milliseconds: book.meter.percentiles(),
             counts: counts.iter().map(count).collect(),
             failed: None,
+            life: self.life,
         }
     }
 
@@ -620,6 +651,16 @@ impl Bus {
     fn progress(&self, progress: Progress) {
         self.book.borrow_mut().advance(progress.done_below);
         self.tell(&Event::Progress(progress));
+    }
+
+    /// Settings of all nodes that hold otherwise from a scan on, in order.
+    pub fn changes(&self) -> std::cell::Ref<'_, Vec<Change>> {
+        self.changes.borrow()
+    }
+
+    /// Tells the launcher how the source plays; for the node at the door.
+    pub fn playing(&self, playing: Playing) {
+        control::say(&Event::Playing(playing));
     }
 
     /// Counts a message of a topic that was lost, and why.
@@ -742,6 +783,24 @@ impl ReportsIn {
             }
         }
         Ok(None)
+    }
+}
+
+impl Ledger {
+    /// Takes in what a node reports; gives back what is no account.
+    pub fn hear(&mut self, event: Event) -> Option<Event> {
+        match event {
+            Event::Report(report) | Event::Finished(report) => {
+                self.nodes.insert(report.node, report.topics);
+            }
+            Event::Progress(progress) => {
+                self.admitted = progress.admitted;
+                self.done = progress.done;
+                self.refused = progress.refused;
+            }
+            other => return Some(other),
+        }
+        None
     }
 }
 

@@ -79,6 +79,11 @@ impl Door {
         self.next_tick += 1;
     }
 
+    /// Goes on with another scan of the source.
+    pub fn seek(&mut self, tick: u64) {
+        self.next_tick = tick;
+    }
+
     /// A scan came out; false when it had come out before.
     pub fn done(&mut self, sequence: u64) -> bool {
         let place = self

@@ -15,8 +15,11 @@
 #[cfg(feature = "bus")]
 pub mod bus;
 pub mod calibration;
+#[cfg(any(feature = "bus", feature = "record"))]
+pub mod change;
 pub mod door;
 pub mod header;
+pub mod health;
 pub mod ledger;
 pub mod payload;
 #[cfg(feature = "record")]

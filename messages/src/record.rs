@@ -11,6 +11,7 @@
 //! scene (calibration, frames) are derived from the data.
 
 mod codec;
+mod encoder;
 mod refer;
 mod row;
 mod scene;
@@ -20,6 +21,7 @@ mod views;
 mod wire;
 
 pub use codec::{Beside, DecodeError, Recorded, Said};
+pub use encoder::{Encoder, Sink};
 pub use scene::Level;
 pub use schema::Schema;
 pub use statistics::{Milliseconds, Statistics};
@@ -45,6 +47,8 @@ pub enum Content {
     Statistics,
     /// The [`Ledger`](crate::ledger::Ledger).
     Ledger,
+    /// The [`Health`](crate::health::Health) of the running graph.
+    Health,
     /// What the nodes have to say.
     Log,
 }
@@ -162,6 +166,11 @@ impl Codec {
             "ledger".to_owned(),
             Content::Ledger,
             Schema::ledger(),
+        ));
+        all.push(channel(
+            "health".to_owned(),
+            Content::Health,
+            Schema::health(),
         ));
         all.push(channel("log".to_owned(), Content::Log, Schema::log()));
         all.extend(Topic::all(&self.rig).into_iter().map(|topic| {

@@ -13,6 +13,8 @@ mod parts;
 mod read;
 
 pub use file::{Chunk, Contents, FileSchema, MESSAGE_HEAD, RECORD_HEAD, first_sequence};
-pub use metadata::{Identity, Metadata, MetadataError, NAME, ScanOrder, ledger_record};
+pub use metadata::{
+    Identity, Metadata, MetadataError, NAME, ScanOrder, changes_record, ledger_record,
+};
 pub use parts::{count_parts, part_path, stray_parts};
 pub use read::{Part, ReadError, Recording, Scan};

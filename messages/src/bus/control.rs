@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::meter::Percentiles;
 use super::{Bell, BusError, Run};
+use crate::change::Change;
 use crate::ledger::{Account, Ledger};
 
 /// What the launcher tells a node.
@@ -23,10 +24,19 @@ pub enum Command {
     Resend,
     /// Take in no new scan; say [`Event::Finished`] when the last one is done.
     Drain,
-    /// Play otherwise; for the node that replays.
+    /// Play otherwise; for the source.
     Play {
         /// How.
         play: Play,
+    },
+    /// Let no scan in, and answer [`Event::Held`]; for the source.
+    Hold,
+    /// Let scans in again.
+    Go,
+    /// Settings hold otherwise from a scan on that is not let in yet: note it, and answer [`Event::Changed`].
+    Change {
+        /// Which.
+        changes: Vec<Change>,
     },
     /// End.
     Stop {
@@ -35,18 +45,41 @@ pub enum Command {
     },
 }
 
-/// How a replay is to go on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// How the source is to go on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Play {
-    /// Stop playing, or go on.
+    /// Stop playing if it plays, else go on.
     Pause,
+    /// Stop playing.
+    Stop,
+    /// Go on playing.
+    Resume,
     /// One scan, then pause.
     Step,
     /// At twice the rate.
     Faster,
     /// At half the rate.
     Slower,
+    /// At this rate; a recording only.
+    Rate(f64),
+    /// With the first scan at or after this time, in nanoseconds since 1970; a recording only.
+    Seek(u64),
+}
+
+/// How the source plays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Playing {
+    /// Whether it is paused.
+    pub is_paused: bool,
+    /// Whether it is a recording that can be played at a rate, and sought in.
+    pub is_recording: bool,
+    /// At which rate; without one as fast as it goes, or as the camera takes them.
+    pub rate: Option<f64>,
+    /// When the first scan of the recording was taken and when the last, in nanoseconds since 1970.
+    pub span: Option<(u64, u64)>,
+    /// When the next scan was taken, where it is known beforehand.
+    pub next_nanos: Option<u64>,
 }
 
 /// How grave a log line is.
@@ -103,6 +136,9 @@ pub struct NodeReport {
     pub milliseconds: Percentiles,
     /// Counts of its own.
     pub counts: BTreeMap<String, u64>,
+    /// How many times it was started before in this run.
+    #[serde(default)]
+    pub life: u32,
     /// Why it could not do all of its work.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
@@ -118,6 +154,18 @@ pub enum Event {
     Connected,
     /// How far the scans have come; from the door.
     Progress(Progress),
+    /// No scan is let in, and so many were; from the door.
+    Held {
+        /// Scans let in.
+        admitted: u64,
+    },
+    /// Changes are noted, so many in all.
+    Changed {
+        /// How many.
+        count: usize,
+    },
+    /// How the source plays from now on.
+    Playing(Playing),
     /// What it has counted so far.
     Report(NodeReport),
     /// Something for the user.

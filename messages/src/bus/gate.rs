@@ -1,6 +1,6 @@
 //! The gate: the door, and the way to it and from it over the bus.
 
-use super::{Bus, BusError, Dones, Progress};
+use super::{Bus, BusError, Dones, Event, Progress, control};
 use crate::door::{Door, UnderWay};
 
 /// The door of a running graph: hears which scans are done, and tells the launcher how far the scans have come.
@@ -71,6 +71,19 @@ impl Gate {
             self.tell(bus);
         }
         Ok(())
+    }
+
+    /// Tells the launcher that no scan is let in from now on.
+    pub fn held(&self) {
+        control::say(&Event::Held {
+            admitted: self.door.admitted(),
+        });
+    }
+
+    /// Goes on with another scan of the source; the numbers go on as they do.
+    pub fn seek(&mut self, bus: &Bus, tick: u64) {
+        self.door.seek(tick);
+        self.tell(bus);
     }
 
     /// Tells how far the scans have come.

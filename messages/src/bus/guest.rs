@@ -49,6 +49,20 @@ impl Guest {
         })
     }
 
+    /// Hears what the nodes of a run report, under a name of its own.
+    ///
+    /// # Errors
+    /// When the run has no room for a further guest, or is over.
+    pub fn reports(run: &Run, name: &str) -> Result<Reports, BusError> {
+        let ports = Ports::new(run, name)?;
+        Ok(Reports {
+            reports: ReportsIn {
+                subscriber: ports.reports_in()?,
+            },
+            _ports: ports,
+        })
+    }
+
     /// A scan of which every message has come, each once; without waiting.
     ///
     /// # Errors
@@ -68,6 +82,29 @@ impl Guest {
     /// How many scans since the first were missed, because this guest was too slow or a message did not reach it.
     pub fn missed(&self) -> u64 {
         self.missed
+    }
+}
+
+/// A guest that hears what nodes report.
+pub struct Reports {
+    reports: ReportsIn,
+    /// Its ports live as long as their node.
+    _ports: Ports,
+}
+
+impl std::fmt::Debug for Reports {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Reports").finish_non_exhaustive()
+    }
+}
+
+impl Reports {
+    /// The next thing a node said; without waiting.
+    ///
+    /// # Errors
+    /// When the subscriber fails.
+    pub fn receive(&mut self) -> Result<Option<Event>, BusError> {
+        self.reports.receive()
     }
 }
 

@@ -88,6 +88,7 @@ impl Schema {
         properties.insert("scan".to_owned(), count());
         properties.extend(counts.map(|name| (name.to_owned(), count())));
         properties.insert("known".to_owned(), number());
+        properties.insert("matched".to_owned(), number());
         properties.insert("disparity".to_owned(), number());
         let stages = crate::Stage::ALL.map(|stage| (stage.name().to_owned(), number()));
         properties.insert(
@@ -95,6 +96,20 @@ impl Schema {
             json!({ "type": "object", "properties": serde_json::Map::from_iter(stages) }),
         );
         Self::json("tricurve.Statistics", &properties.into())
+    }
+
+    /// The JSON schema of [`Health`](crate::health::Health).
+    pub fn health() -> Self {
+        let (number, count) = (json!({ "type": "number" }), json!({ "type": "integer" }));
+        let node = json!({ "type": "object", "properties": {
+            "state": { "type": "string" }, "restarts": count, "p50": number, "p99": number,
+        } });
+        let properties = json!({
+            "admitted": count, "done": count, "under_way": count, "dropped": count,
+            "triples_per_second": number,
+            "nodes": { "type": "object", "additionalProperties": node },
+        });
+        Self::json("tricurve.Health", &properties)
     }
 
     /// The JSON schema of [`Ledger`](crate::ledger::Ledger).

@@ -43,6 +43,9 @@ pub struct Statistics {
     pub points: u64,
     /// Share of the reference view's pixels whose disparity is known.
     pub known: f64,
+    /// Share of the curves, of all views and channels, that are matched.
+    #[serde(default)]
+    pub matched: f64,
     /// Mean disparity of the points in space, in pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub disparity: Option<f64>,

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::change::Change;
 use crate::ledger::Ledger;
 use crate::{Rig, Size};
 use mcap::records;
@@ -11,6 +12,8 @@ use thiserror::Error;
 pub const NAME: &str = "tricurve";
 /// The name of the record with the ledger, at the end.
 pub(super) const LEDGER: &str = "tricurve.ledger";
+/// The name of the record with the settings that were changed.
+pub(super) const CHANGES: &str = "tricurve.changes";
 /// What this program writes and reads.
 const FORMAT: &str = "1";
 
@@ -204,6 +207,20 @@ pub fn ledger_record(ledger: &Ledger) -> records::Metadata {
         name: LEDGER.to_owned(),
         metadata,
     }
+}
+
+/// The record of all changes of settings so far.
+pub fn changes_record(changes: &[Change]) -> records::Metadata {
+    let metadata = BTreeMap::from([("changes".to_owned(), json(&changes))]);
+    records::Metadata {
+        name: CHANGES.to_owned(),
+        metadata,
+    }
+}
+
+/// The changes in their record.
+pub(super) fn changes(record: &records::Metadata) -> Option<Vec<Change>> {
+    serde_json::from_str(record.metadata.get("changes")?).ok()
 }
 
 /// The ledger in its record.

@@ -16,8 +16,9 @@ use thiserror::Error;
 use super::file::{Chunk, Contents, FileSchema, RECORD_HEAD, first_sequence};
 use super::layout::parse;
 use super::metadata::Metadata;
-use super::metadata::{Identity, LEDGER, MetadataError, NAME, ScanOrder, ledger};
+use super::metadata::{CHANGES, Identity, LEDGER, MetadataError, NAME, ScanOrder, changes, ledger};
 use super::parts::{count_parts, part_path, stray_parts};
+use crate::change::Change;
 
 /// Why a recording cannot be read.
 #[derive(Debug, Error)]
@@ -396,6 +397,16 @@ impl Recording {
             .filter(|(_, record)| record.name == LEDGER)
             .filter_map(|(_, r)| ledger(r))
             .next_back()
+    }
+
+    /// The settings that were changed while it was recorded, in order, by its own scans' numbers.
+    pub fn changes(&self) -> Vec<Change> {
+        let records = self.parts.iter().flat_map(|part| &part.contents.metadata);
+        let told = records
+            .filter(|(_, record)| record.name == CHANGES)
+            .filter_map(|(_, r)| changes(r));
+        // Every record tells all that were made until then.
+        told.max_by_key(Vec::len).unwrap_or_default()
     }
 
     /// The scans it holds, in order.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use messages::bus::{Bus, BusError, Filled, Gate, Loan, Outputs, Request, Start};
+use messages::bus::{Bus, BusError, Filled, Gate, Loan, Outputs, Play, Playing, Request, Start};
 use messages::door::UnderWay;
 use messages::{Delivery, Header, Image, NONE, Rig};
 
@@ -43,7 +43,9 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
     let is_live = bus.run().delivery == Delivery::Live;
     let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
     bus.ready()?;
-    let began = Instant::now();
+    let mut began = Instant::now();
+    let (mut pause, mut is_held) = (Pause::default(), false);
+    bus.playing(pause.playing());
     let ticks_before = capture.gate.door().next_tick();
     loop {
         let is_over = is_draining || failed.is_some() || capture.gate.door().next_tick() >= total;
@@ -54,10 +56,11 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         } else {
             began
         };
-        let is_due = !is_over && due <= Instant::now();
+        let may_go = !is_over && !is_held && pause.lets_go();
+        let is_due = may_go && due <= Instant::now();
         let wait = match is_due && (is_live || capture.gate.door().is_open()) {
             true => Duration::ZERO,
-            false if is_over || !is_live => IDLE,
+            false if !may_go || !is_live => IDLE,
             false => due.saturating_duration_since(Instant::now()).min(IDLE),
         };
         match bus.request(wait)? {
@@ -67,10 +70,23 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
                 Err(CaptureError::Source(error)) => failed = Some(error.to_string()),
                 resent => resent?,
             },
-            Some(Request::Begin | Request::Play(_)) | None => {}
+            Some(Request::Hold) => {
+                is_held = true;
+                capture.gate.held();
+            }
+            Some(Request::Go) => is_held = false,
+            Some(Request::Play(play)) => {
+                // A camera's time does not pass while it is paused.
+                began += pause.play(play, Instant::now());
+                bus.playing(pause.playing());
+            }
+            Some(Request::Begin) | None => {}
         }
         capture.gate.hear_done(bus)?;
+        // What was asked meanwhile holds for the next scan already.
+        let is_due = is_due && !is_held && pause.lets_go();
         if is_due && capture.gate.door().is_open() {
+            pause.went();
             match capture.read(capture.gate.door().next_tick()) {
                 Ok(loans) => {
                     let scan = capture.gate.admit(bus);
@@ -91,6 +107,51 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         }
     }
     Ok(())
+}
+
+/// Whether scans go out.
+#[derive(Debug, Default)]
+struct Pause {
+    since: Option<Instant>,
+    /// Scans to let out although it is paused.
+    steps: u32,
+}
+
+impl Pause {
+    fn lets_go(&self) -> bool {
+        self.since.is_none() || self.steps > 0
+    }
+
+    /// A scan went out.
+    fn went(&mut self) {
+        self.steps = self.steps.saturating_sub(1);
+    }
+
+    /// Pauses or goes on; gives how long it was paused.
+    fn play(&mut self, play: Play, now: Instant) -> Duration {
+        let since = self.since;
+        match play {
+            Play::Pause => self.since = since.is_none().then_some(now),
+            Play::Stop => self.since = since.or(Some(now)),
+            Play::Resume => self.since = None,
+            Play::Step => {
+                self.since = since.or(Some(now));
+                self.steps += 1;
+            }
+            Play::Faster | Play::Slower | Play::Rate(_) | Play::Seek(_) => {}
+        }
+        match (since, self.since) {
+            (Some(since), None) => now.saturating_duration_since(since),
+            _ => Duration::ZERO,
+        }
+    }
+
+    fn playing(&self) -> Playing {
+        Playing {
+            is_paused: self.since.is_some(),
+            ..Playing::default()
+        }
+    }
 }
 
 struct Capture {

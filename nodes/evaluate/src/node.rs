@@ -14,12 +14,12 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     let results = bus.outputs(&[Kind::Evaluation])?;
     let done = bus.finisher()?;
     let channels = bus.run().rig.channels.len() as u32;
-    let mut evaluator = Evaluator::new(&settings);
+    let mut evaluator = bus.tuned(&settings, Evaluator::new)?;
     let mut count = Count::default();
     bus.ready()?;
     while let Some(scan) = bus.next_scan(&mut scans)? {
         evaluate(
-            &mut evaluator,
+            evaluator.at(&scan.header())?,
             settings.view,
             channels,
             &scan,

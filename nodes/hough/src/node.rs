@@ -12,7 +12,8 @@ use crate::{Settings, Tabulator};
 pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusError> {
     let mut curves = bus.inputs(&[Kind::Curves])?;
     let tables = bus.outputs(&[Kind::Tables])?;
-    let mut tabulator = Tabulator::new(&settings, bus.run().rig.size);
+    let size = bus.run().rig.size;
+    let mut tabulator = bus.tuned(&settings, move |settings| Tabulator::new(settings, size))?;
     let (mut made, mut skipped) = (0, 0);
     bus.ready()?;
     while let Some(curves) = bus.next(&mut curves)? {
@@ -21,6 +22,7 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
         if !view.is_sound() {
             return Err(curves.damaged());
         }
+        let tabulator = tabulator.at(&header)?;
         tables.send::<Tables>(&header, header.view, header.channel, |room| {
             skipped += tabulator.process(view, header.size(), room).skipped as u64;
             made += room.tables.len() as u64;

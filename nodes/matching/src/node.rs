@@ -14,12 +14,14 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     let results = bus.outputs(&[Kind::Matches, Kind::Disparity, Kind::Points])?;
     let done = bus.finisher()?;
     let rig = bus.run().rig.clone();
-    let mut matcher = Matcher::new(&settings, &rig.channels);
+    let channels = rig.channels.clone();
+    let mut matcher = bus.tuned(&settings, move |settings| Matcher::new(settings, &channels))?;
     let mut count = Count::default();
     bus.ready()?;
     while let Some(scan) = bus.next_scan(&mut scans)? {
         // A scan that comes again is matched again: whoever lost the first results gets the same ones.
-        match_scan(&mut matcher, &rig, &scan, &results, &mut count)?;
+        let matcher = matcher.at(&scan.header())?;
+        match_scan(matcher, &rig, &scan, &results, &mut count)?;
         done.done(scan.sequence)?;
     }
     bus.finish(&[("matches", count.matches), ("points", count.points)]);

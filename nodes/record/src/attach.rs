@@ -9,11 +9,11 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use messages::Header;
-use messages::bus::{BusError, Guest, Joined, LOOK_EVERY, Run};
+use messages::bus::{BusError, Guest, Joined, LOOK_EVERY, Run, read_changes};
 use messages::ledger::Ledger;
 
 use crate::{
-    Batch, Encoder, Metadata, Settings, WriteError, Writer, WriterThread, part_path, spawn,
+    Batch, Encoder, Metadata, Settings, WriteError, Writer, WriterThread, encoder, part_path, spawn,
 };
 
 /// Why recording beside a graph failed.
@@ -40,6 +40,8 @@ pub struct Attach<'a> {
     pub topic: &'a dyn Fn(&str) -> bool,
     /// File, compression, when a new part begins.
     pub settings: Settings,
+    /// End after so many scans.
+    pub scans: Option<u64>,
     /// Keep so many seconds in memory, and write them when asked.
     pub snapshot: Option<f64>,
 }
@@ -96,10 +98,11 @@ pub fn attach(
         metadata,
         topic,
         settings,
+        scans,
         snapshot,
     } = attach;
     let made = run.kinds();
-    let encoder = Encoder::new(&metadata.rig, metadata.reference, &made, &settings).only(topic);
+    let encoder = encoder(&metadata.rig, metadata.reference, &made, &settings).only(topic);
     let path = PathBuf::from(&settings.file);
     let mut guest = Guest::join(run, &format!("record.{}", std::process::id()), &made)?;
     let keep = match snapshot {
@@ -116,6 +119,8 @@ pub fn attach(
         }
     };
     let mut recorder = Recorder {
+        root: run.root.clone(),
+        noted: 0,
         encoder,
         keep,
         spare: Vec::new(),
@@ -124,6 +129,7 @@ pub fn attach(
     loop {
         let mut any = false;
         while recorder.told.behind < MOST_BEHIND
+            && scans.is_none_or(|most| recorder.told.scans < most)
             && let Some(scan) = guest.scan_now()?
         {
             any = true;
@@ -156,6 +162,10 @@ struct Memory {
 }
 
 struct Recorder {
+    /// The run's folder.
+    root: PathBuf,
+    /// How many changes of settings are in the recording.
+    noted: usize,
     encoder: Encoder,
     keep: Keep,
     spare: Vec<Batch>,
@@ -175,6 +185,14 @@ impl Recorder {
         }
         let mut batch = self.spare.pop().unwrap_or_default();
         self.encoder.encode(&views, &mut batch);
+        let changes = read_changes(&self.root);
+        // A snapshot's scans come and go: each must know.
+        if changes.len() > self.noted {
+            if let Keep::File(_) = self.keep {
+                self.noted = changes.len();
+            }
+            batch.set_changes(changes);
+        }
         self.told.scans += 1;
         match &mut self.keep {
             Keep::File(thread) => {

@@ -31,9 +31,10 @@ pub use messages::recording::{Metadata, MetadataError, ReadError, Recording, Sca
 
 #[cfg(feature = "node")]
 pub use attach::{Attach, AttachError, Attached, Wish, attach};
-pub use batch::{Batch, Encoder, taken_kinds};
+pub use batch::{Batch, encoder, taken_kinds};
 pub use export::{CSV_HEADER, Export, ExportError, export};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
+pub use messages::record::{Encoder, Sink};
 pub use report::{Known, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report};
 pub use rewrite::{RewriteError, Rewritten, Split, Wanted, read_and_written, rewrite};
 pub use seal::{SealError, Sealed, seal};

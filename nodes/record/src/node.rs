@@ -6,7 +6,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use messages::bus::{
-    self, Bell, Bus, BusError, Event, Finisher, Joined, Joins, Log, ReportsIn, Request, Start,
+    self, Bell, Bus, BusError, Doctor, Event, Finisher, Joined, Joins, Log, ReportsIn, Request,
+    Start,
 };
 use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
@@ -14,7 +15,7 @@ use messages::{Header, Rig};
 
 use crate::{
     Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread,
-    Written, spawn,
+    Written, encoder, spawn,
 };
 
 /// Why recording failed.
@@ -47,7 +48,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     let done = bus.finisher()?;
     let metadata = metadata(bus, start);
     let made = bus.run().kinds();
-    let encoder = Encoder::new(&metadata.rig, metadata.reference, &made, &settings);
+    let encoder = encoder(&metadata.rig, metadata.reference, &made, &settings);
     let writer = open(bus, &settings, &metadata, &encoder, start)?;
     let thread = spawn(writer, notify(bus)).map_err(RecordError::Thread)?;
     let mut recorder = Recorder::new(encoder, thread, done, start.resume.done_below);
@@ -183,7 +184,10 @@ struct Recorder {
     last: Option<(u64, u64)>,
     /// What the nodes said since the last scan.
     log: Vec<Log>,
+    /// How many changes of settings are in the recording.
+    noted: usize,
     ledger: Ledger,
+    health: Doctor,
     next_ledger: Instant,
 }
 
@@ -200,7 +204,9 @@ impl Recorder {
             spare: Vec::new(),
             under_way: BTreeMap::new(),
             log: Vec::new(),
+            noted: 0,
             ledger: Ledger::default(),
+            health: Doctor::default(),
             next_ledger: Instant::now() + LEDGER_EVERY,
         }
     }
@@ -231,6 +237,17 @@ impl Recorder {
         let mut batch = self.spare.pop().unwrap_or_default();
         self.encoder.encode(&views, &mut batch);
         self.last = Some((batch.sequence(), batch.nanos()));
+        let changes = bus.changes();
+        if changes.len() > self.noted {
+            for change in &changes[self.noted..] {
+                let line = change.to_string();
+                self.encoder
+                    .log(Level::Info, &change.node, &line, &mut batch);
+            }
+            self.noted = changes.len();
+            batch.set_changes(changes.clone());
+        }
+        drop(changes);
         self.write_log(&mut batch);
         if self.next_ledger <= Instant::now() {
             self.next_ledger = Instant::now() + LEDGER_EVERY;
@@ -238,6 +255,8 @@ impl Recorder {
                 .nodes
                 .insert(bus.name().to_owned(), bus.report(&[]).topics);
             self.encoder.ledger(&self.ledger, &mut batch);
+            self.encoder
+                .health(self.health.say(Instant::now()), &mut batch);
         }
         self.thread.write(batch);
         self.under_way.insert(scan.sequence, began.elapsed());
@@ -249,11 +268,13 @@ impl Recorder {
     fn finish(mut self, ledger: Option<&Ledger>) -> Result<Written, WriteError> {
         if let Some((sequence, nanos)) = self.last {
             let mut batch = self.spare.pop().unwrap_or_default();
-            self.encoder.close(sequence, nanos, &mut batch);
+            batch.close(sequence, nanos);
             self.write_log(&mut batch);
             if let Some(ledger) = ledger {
                 self.encoder.ledger(ledger, &mut batch);
             }
+            self.encoder
+                .health(self.health.say(Instant::now()), &mut batch);
             self.thread.write(batch);
         }
         self.thread.finish(ledger)
@@ -267,17 +288,9 @@ impl Recorder {
 
     /// Takes in what a node reported or said.
     fn hear_node(&mut self, event: Event) {
-        match event {
-            Event::Report(report) | Event::Finished(report) => {
-                self.ledger.nodes.insert(report.node, report.topics);
-            }
-            Event::Progress(progress) => {
-                self.ledger.admitted = progress.admitted;
-                self.ledger.done = progress.done;
-                self.ledger.refused = progress.refused;
-            }
-            Event::Log(log) => self.log.push(log),
-            Event::Ports | Event::Connected => {}
+        self.health.hear(&event);
+        if let Some(Event::Log(log)) = self.ledger.hear(event) {
+            self.log.push(log);
         }
     }
 

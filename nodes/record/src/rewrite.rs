@@ -70,6 +70,12 @@ pub enum RewriteError {
         /// The first stage whose settings differ.
         stage: &'static str,
     },
+    /// Of several inputs, one has settings that changed while it was recorded.
+    #[error(
+        "settings were changed while {} was recorded, and that holds by its own scans' numbers: it cannot be merged with others",
+        .0.display()
+    )]
+    Changed(PathBuf),
     /// Nothing was chosen.
     #[error("no scan is left to write; the input holds {0}")]
     Nothing(String),
@@ -165,6 +171,12 @@ pub fn rewrite(
             other: other.path().to_owned(),
             stage,
         });
+    }
+    let is_changed = |recording: &&Recording| !recording.changes().is_empty();
+    if let Some(changed) = recordings.iter().find(is_changed)
+        && recordings.len() > 1
+    {
+        return Err(RewriteError::Changed(changed.path().to_owned()));
     }
     let is_wanted = |scan: u64| wanted.scans.contains(&scan);
     if !recordings

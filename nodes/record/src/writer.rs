@@ -8,6 +8,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use mcap::MAGIC;
 use mcap::records::{self, op};
+use messages::change::Change;
 use messages::ledger::Ledger;
 use messages::record::Channel;
 use serde::Serialize;
@@ -20,7 +21,7 @@ use crate::sink::{Disk, Sink};
 use crate::summary::{Summary, raw_record, record, schema_record, write};
 use crate::{Batch, Encoder, Sealed, Settings};
 use messages::recording::{Contents, FileSchema};
-use messages::recording::{Identity, Metadata, NAME, ScanOrder, ledger_record};
+use messages::recording::{Identity, Metadata, NAME, ScanOrder, changes_record, ledger_record};
 use messages::recording::{count_parts, part_path, stray_parts};
 
 /// Why a recording cannot be written.
@@ -95,6 +96,7 @@ pub struct Writer {
     path: PathBuf,
     settings: Settings,
     metadata: Metadata,
+    changes: Vec<Change>,
     identity: Identity,
     channels: Vec<Channel>,
     open: Open,
@@ -228,6 +230,7 @@ impl Writer {
             path: path.to_owned(),
             settings: settings.clone(),
             metadata: metadata.clone(),
+            changes: Vec::new(),
             identity,
             channels: encoder.channels().to_vec(),
             chunker: Chunker::new(settings.compression, settings.chunk_bytes),
@@ -259,7 +262,8 @@ impl Writer {
         };
         let begun = part.define(&self.channels).and_then(|()| {
             let metadata = self.metadata.to_record(&self.identity);
-            part.begin(&self.metadata, &metadata)
+            part.begin(&self.metadata, &metadata)?;
+            part.add_changes(&self.changes)
         });
         begun.map_err(|source| io_error(&part.path, source))?;
         self.recorded.parts.push(part.path.clone());
@@ -282,7 +286,15 @@ impl Writer {
         }
         let part = self.part.as_mut().ok_or(WriteError::Ended)?;
         let before = part.sink.len();
-        if let Err(source) = part.write(&mut self.chunker, batch) {
+        // Before the scan from which on they hold, so that no cut parts them.
+        let noted = match batch.changes().len() > self.changes.len() {
+            true => {
+                self.changes = batch.changes().to_vec();
+                part.add_changes(&self.changes)
+            }
+            false => Ok(()),
+        };
+        if let Err(source) = noted.and_then(|()| part.write(&mut self.chunker, batch)) {
             let error = io_error(&part.path, source);
             self.give_up();
             return Err(error);
@@ -405,6 +417,14 @@ impl Part {
         Ok(())
     }
 
+    /// All changes of settings so far; the last such record tells them.
+    fn add_changes(&mut self, changes: &[Change]) -> io::Result<()> {
+        match changes.is_empty() {
+            true => Ok(()),
+            false => self.add_metadata(&changes_record(changes)),
+        }
+    }
+
     fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> io::Result<()> {
         let now = now_nanos();
         let header = records::AttachmentHeader {
@@ -435,7 +455,7 @@ impl Part {
     }
 
     fn write(&mut self, chunker: &mut Chunker, batch: &Batch) -> io::Result<()> {
-        if batch.is_empty() {
+        if batch.records().is_empty() {
             return Ok(());
         }
         self.first_nanos.get_or_insert(batch.nanos());

@@ -60,10 +60,18 @@ impl Clock {
 
     /// Changes the rate by a factor; from lockstep to the recording's own.
     pub fn speed(&mut self, factor: f64, now: Instant, next_nanos: u64) {
-        self.rate = Some(
-            self.rate
-                .map_or(1.0, |rate| (rate * factor).clamp(0.001, 1000.0)),
-        );
+        let rate = self.rate.map_or(1.0, |rate| rate * factor);
+        self.set_rate(rate, now, next_nanos);
+    }
+
+    /// Changes the rate, which lies between a thousandth and a thousand.
+    pub fn set_rate(&mut self, rate: f64, now: Instant, next_nanos: u64) {
+        self.rate = Some(rate.clamp(0.001, 1000.0));
+        self.anchor = (now, next_nanos);
+    }
+
+    /// Goes on with a scan of this time, now.
+    pub fn jump(&mut self, now: Instant, next_nanos: u64) {
         self.anchor = (now, next_nanos);
     }
 

@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use messages::bus::{Bus, BusError, Filled, Gate, Level, Loan, Outputs, Play, Request, Start};
+use messages::bus::{
+    Bus, BusError, Filled, Gate, Level, Loan, Outputs, Play, Playing, Request, Start,
+};
 use messages::door::UnderWay;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Recording, Scan};
@@ -56,10 +58,13 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Repla
         Instant::now(),
         replay.next_nanos(),
     );
+    let mut is_held = false;
+    bus.playing(replay.playing(&clock));
     loop {
         let tick = replay.gate.door().next_tick();
         let is_over = is_draining || failed.is_some() || total.is_some_and(|total| tick >= total);
-        let due = clock.due(replay.next_nanos()).filter(|_| !is_over);
+        let due = clock.due(replay.next_nanos());
+        let due = due.filter(|_| !is_over && !is_held);
         let is_due = due.is_some_and(|due| due <= Instant::now());
         let wait = match due {
             Some(due) if !is_due => due.saturating_duration_since(Instant::now()).min(IDLE),
@@ -74,11 +79,27 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Repla
                 let (now, next) = (Instant::now(), replay.next_nanos());
                 match play {
                     Play::Pause => clock.pause(now, next),
+                    Play::Stop if !clock.is_paused() => clock.pause(now, next),
+                    Play::Resume if clock.is_paused() => clock.pause(now, next),
+                    Play::Stop | Play::Resume => {}
                     Play::Step => clock.step(),
                     Play::Faster => clock.speed(2.0, now, next),
                     Play::Slower => clock.speed(0.5, now, next),
+                    Play::Rate(rate) => clock.set_rate(rate, now, next),
+                    Play::Seek(nanos) => {
+                        replay.gate.seek(bus, replay.selection.at_or_after(nanos));
+                        clock.jump(now, replay.next_nanos());
+                    }
                 }
+                bus.playing(replay.playing(&clock));
+                continue;
             }
+            Some(Request::Hold) => {
+                is_held = true;
+                replay.gate.held();
+                continue;
+            }
+            Some(Request::Go) => is_held = false,
             Some(Request::Begin) | None => {}
         }
         replay.gate.hear_done(bus)?;
@@ -119,6 +140,17 @@ struct Replay {
 }
 
 impl Replay {
+    fn playing(&self, clock: &Clock) -> Playing {
+        let (first, last) = self.selection.span();
+        Playing {
+            is_paused: clock.is_paused(),
+            is_recording: true,
+            rate: clock.rate(),
+            span: Some((first, last)),
+            next_nanos: Some(self.next_nanos()),
+        }
+    }
+
     fn next_nanos(&self) -> u64 {
         self.selection.scan(self.gate.door().next_tick()).1
     }

@@ -200,6 +200,18 @@ impl Selection {
         (scan, nanos + tick / len * self.round_nanos())
     }
 
+    /// The first of the scans that was taken at this time or later, or the last.
+    pub fn at_or_after(&self, nanos: u64) -> u64 {
+        let before = self.scans.iter().position(|(_, taken)| *taken >= nanos);
+        before.unwrap_or(self.scans.len().saturating_sub(1)) as u64
+    }
+
+    /// When the first scan was taken and when the last.
+    pub fn span(&self) -> (u64, u64) {
+        let nanos = |scan: Option<&(u64, u64)>| scan.map_or(0, |(_, nanos)| *nanos);
+        (nanos(self.scans.first()), nanos(self.scans.last()))
+    }
+
     /// What a whole round takes: from the first scan to the last, and a step as long as they are apart on average.
     pub fn round_nanos(&self) -> u64 {
         let (first, last) = match self.scans.as_slice() {

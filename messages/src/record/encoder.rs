@@ -1,0 +1,229 @@
+//! From a scan's messages to what recorder and viewers take: every topic encoded, and what is derived from it.
+
+use super::{Beside, Channel, Codec, Content, Level, Span, Statistics, Views};
+use crate::header::{Header, NONE};
+use crate::health::Health;
+use crate::ledger::Ledger;
+use crate::payload::AnyView;
+use crate::topic::{Kind, Topic};
+
+/// Takes the encoded messages of one scan after the other.
+pub trait Sink {
+    /// A scan begins: its number, and when it was taken, in nanoseconds since 1970.
+    fn begin(&mut self, sequence: u64, nanos: u64);
+    /// When the scan was taken.
+    fn nanos(&self) -> u64;
+    /// Whether the message of the channel with this index is to be encoded.
+    fn wants(&self, _channel: usize) -> bool {
+        true
+    }
+    /// Lets a message of the channel with this index be appended.
+    fn add(&mut self, channel: usize, encode: impl FnOnce(&mut Vec<u8>));
+    /// Bytes of the scan's messages so far.
+    fn len(&self) -> usize;
+    /// Whether the scan has no message so far.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Encodes scans of one rig.
+#[derive(Debug)]
+pub struct Encoder {
+    codec: Codec,
+    channels: Vec<Channel>,
+    views: Views,
+    topics: Vec<Topic>,
+    refers: bool,
+}
+
+impl Encoder {
+    /// For scans of a rig whose disparities and points are those of the view with index `reference`: into these channels
+    /// of [`Codec::channels`], where messages refer to others that have a channel too.
+    pub fn new(codec: Codec, channels: Vec<Channel>) -> Self {
+        Self {
+            channels,
+            topics: Topic::all(codec.rig()),
+            codec,
+            views: Views::default(),
+            refers: true,
+        }
+    }
+
+    /// Lets every message stand alone: none refers to another one.
+    pub fn standing_alone(mut self) -> Self {
+        self.refers = false;
+        self
+    }
+
+    /// Only these topics; transforms and calibrations stay.
+    pub fn only(mut self, topic: impl Fn(&str) -> bool) -> Self {
+        self.channels.retain(|channel| match channel.content {
+            Content::Transforms | Content::Calibration(_) => true,
+            _ => topic(&channel.name),
+        });
+        self
+    }
+
+    /// The channels that messages belong to.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// The data topics of a complete scan, in order.
+    pub fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    /// Encodes a scan with everything derived from it, in the order of the channels. A topic's message is known by
+    /// its kind and its header's view and channel; one that is missing is left out, one that is there twice counts
+    /// once.
+    pub fn encode(&mut self, scan: &[(&Header, AnyView<'_>)], sink: &mut impl Sink) {
+        let Some((first, _)) = scan.first() else {
+            return sink.begin(0, 0);
+        };
+        let (sequence, nanos) = (first.sequence, first.capture_nanos);
+        sink.begin(sequence, nanos);
+        let find = |kind: Kind, view: u32, channel: u32| {
+            let is_it = |header: &Header, message: AnyView<'_>| {
+                message.kind() == kind
+                    && (!kind.is_per_view() || header.view == view)
+                    && (!kind.is_per_channel() || header.channel == channel)
+            };
+            scan.iter()
+                .find(|(header, message)| is_it(header, *message))
+        };
+        let none = NONE;
+        let finest = self.codec.rig().channels.len().saturating_sub(1) as u32;
+        let picture = match find(Kind::Disparity, none, none) {
+            Some((header, AnyView::Disparity(picture))) => Some((*header, *picture)),
+            _ => None,
+        };
+        // What the picture shows are the points: there are fewer of them than pixels.
+        let span = match find(Kind::Points, none, none) {
+            Some((_, AnyView::Points(points))) => {
+                Span::of(points.points.iter().map(|p| p.disparity))
+            }
+            _ => None,
+        };
+        let matches = match find(Kind::Matches, none, finest) {
+            Some((_, AnyView::Matches(matches))) => span.map(|span| (*matches, span)),
+            _ => None,
+        };
+        let Self {
+            codec,
+            channels,
+            views,
+            refers,
+            ..
+        } = self;
+        let refers = *refers;
+        // All views of a scan are of one size, and every message says it.
+        let size = first.size();
+        // Only what is recorded too can be referred to.
+        let beside = |topic: &Topic| {
+            let of = |kind| {
+                let is_it = |c: &Channel| {
+                    matches!(&c.content, Content::Data(other) if other.kind == kind
+                        && (other.view, other.channel) == (topic.view, topic.channel))
+                };
+                let recorded = refers && channels.iter().any(is_it);
+                let found = find(kind, topic.view, topic.channel).filter(|_| recorded);
+                found.map(|(_, message)| *message)
+            };
+            Beside {
+                edges: match of(Kind::Edges) {
+                    Some(AnyView::Edges(edges)) => Some(edges),
+                    _ => None,
+                },
+                curves: match of(Kind::Curves) {
+                    Some(AnyView::Curves(curves)) => Some(curves),
+                    _ => None,
+                },
+            }
+        };
+        let mut statistics = Statistics {
+            scan: sequence,
+            ..Statistics::default()
+        };
+        for (header, message) in scan {
+            statistics.add(header, *message);
+        }
+
+        for (index, channel) in channels.iter().enumerate() {
+            if !sink.wants(index) {
+                continue;
+            }
+            match &channel.content {
+                Content::Transforms => {
+                    sink.add(index, |out| codec.transforms(nanos, size, out));
+                }
+                Content::Calibration(view) => {
+                    sink.add(index, |out| codec.calibration(*view, nanos, size, out));
+                }
+                Content::Annotations(view) => {
+                    let curves = find(Kind::Curves, *view as u32, finest);
+                    if let Some((header, AnyView::Curves(curves))) = curves {
+                        sink.add(index, |out| {
+                            views.annotations(codec, header, *curves, matches, out)
+                        });
+                    }
+                }
+                Content::Picture => {
+                    if let Some((header, picture)) = picture {
+                        sink.add(index, |out| {
+                            views.picture(codec, header, picture, span, out)
+                        });
+                    }
+                }
+                Content::Data(topic) => {
+                    if let Some((header, message)) = find(topic.kind, topic.view, topic.channel) {
+                        let beside = beside(topic);
+                        sink.add(index, |out| {
+                            codec.encode(topic, header, *message, beside, out)
+                        });
+                    }
+                }
+                Content::Statistics | Content::Ledger | Content::Health | Content::Log => {}
+            }
+        }
+        let views = codec.rig().views.len() as u64;
+        statistics.matched = match statistics.curves {
+            0 => 0.0,
+            curves => (views * statistics.matches) as f64 / curves as f64,
+        };
+        statistics.bytes = sink.len() as u64;
+        self.add_json(&Content::Statistics, &statistics, sink);
+    }
+
+    /// Adds a line that `node` said to the scan's log.
+    pub fn log(&self, level: Level, node: &str, line: &str, sink: &mut impl Sink) {
+        let nanos = sink.nanos();
+        if let Some(index) = self.index(&Content::Log).filter(|index| sink.wants(*index)) {
+            sink.add(index, |out| self.codec.log(nanos, level, node, line, out));
+        }
+    }
+
+    /// Adds the ledger as it stands with this scan.
+    pub fn ledger(&self, ledger: &Ledger, sink: &mut impl Sink) {
+        self.add_json(&Content::Ledger, ledger, sink);
+    }
+
+    /// Adds how the graph is doing.
+    pub fn health(&self, health: &Health, sink: &mut impl Sink) {
+        self.add_json(&Content::Health, health, sink);
+    }
+
+    fn index(&self, content: &Content) -> Option<usize> {
+        self.channels
+            .iter()
+            .position(|channel| channel.content == *content)
+    }
+
+    fn add_json(&self, content: &Content, value: &impl serde::Serialize, sink: &mut impl Sink) {
+        if let Some(index) = self.index(content).filter(|index| sink.wants(*index)) {
+            // Plain structs of numbers and maps of strings: nothing in them can fail to serialize.
+            sink.add(index, |out| drop(serde_json::to_writer(out, value)));
+        }
+    }
+}

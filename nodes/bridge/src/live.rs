@@ -1,0 +1,470 @@
+//! A running graph for viewers: a guest of the graph, for whom nobody waits.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use crossbeam::channel::RecvTimeoutError;
+use foxglove::websocket::ConnectionGraph;
+use messages::bus::{
+    self, Answer, Ask, BusError, Doctor, Event, Guest, Joined, LOOK_EVERY, Log, Play, Playing,
+    Reports, Run, State,
+};
+use messages::ledger::Ledger;
+use messages::record::{Channel, Codec, Content, Encoder, Level, Sink};
+use messages::{Header, Kind, Topic};
+use serde_json::Value;
+
+use crate::Settings;
+use crate::server::{Call, Offer, Offered, Playback, ServeError, Server, Wish, parameter_of};
+
+/// Why a running graph cannot be shown.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// It cannot be served.
+    #[error(transparent)]
+    Serve(#[from] ServeError),
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}
+
+/// What is shown, and how.
+#[derive(Debug)]
+pub struct Live<'a> {
+    /// The running graph.
+    pub run: &'a Run,
+    /// Index of the view that disparities and points belong to.
+    pub reference: usize,
+    /// Where viewers find it.
+    pub settings: &'a Settings,
+    /// What to set when the port is taken.
+    pub how: &'static str,
+}
+
+/// How often it is looked who listens, how things stand and what is said, while nobody is subscribed to a scan's topics.
+const IDLE: Duration = Duration::from_millis(200);
+/// How often viewers are told how things stand.
+const STATE_EVERY: Duration = Duration::from_secs(1);
+
+/// How things stand, as the launcher says.
+fn state_of(run: &Run) -> Option<State> {
+    match bus::ask(&run.root, &Ask::State) {
+        Ok(Answer::State(state)) => Some(*state),
+        _ => None,
+    }
+}
+
+fn playback_of(playing: &Playing, nanos: u64) -> Playback {
+    Playback {
+        is_playing: !playing.is_paused,
+        speed: playing.rate.unwrap_or(1.0) as f32,
+        nanos,
+        seek: None,
+        has_ended: false,
+    }
+}
+
+/// Who publishes and who takes which topic.
+fn graph_of(run: &Run, channels: &[Channel]) -> ConnectionGraph {
+    let mut graph = ConnectionGraph::new();
+    for channel in channels {
+        let Content::Data(Topic { kind, .. }) = &channel.content else {
+            graph.set_published_topic(&channel.name, ["bridge"]);
+            continue;
+        };
+        let named = |is: &dyn Fn(&bus::NodePlan) -> bool| -> Vec<String> {
+            let nodes = run.nodes.iter().filter(|node| is(node));
+            nodes.map(|node| node.name.clone()).collect()
+        };
+        let makers = named(&|node| node.makes.contains(kind));
+        let takers = named(&|node| node.takes.contains(kind));
+        graph.set_published_topic(&channel.name, makers);
+        graph.set_subscribed_topic(&channel.name, takers);
+    }
+    for name in ["pause", "resume", "snapshot"] {
+        graph.set_advertised_service(format!("tricurve/{name}"), ["launch"]);
+    }
+    graph
+}
+
+/// The kinds of message that what a channel carries is made of.
+fn needs(content: &Content, made: &[Kind]) -> Vec<Kind> {
+    let mut kinds = match content {
+        Content::Data(topic) => vec![topic.kind],
+        Content::Annotations(_) => vec![Kind::Curves, Kind::Matches, Kind::Points],
+        Content::Picture => vec![Kind::Disparity, Kind::Points],
+        Content::Statistics => made.to_vec(),
+        Content::Transforms | Content::Calibration(_) => vec![Kind::Image, Kind::Points],
+        Content::Ledger | Content::Health | Content::Log => vec![],
+    };
+    kinds.retain(|kind| made.contains(kind));
+    if matches!(content, Content::Transforms | Content::Calibration(_)) {
+        kinds.truncate(1);
+    }
+    kinds
+}
+
+/// A running graph, shown to viewers.
+pub struct Viewing<'a> {
+    run: &'a Run,
+    encoder: Encoder,
+    out: Out,
+    /// Joined while somebody is subscribed to what a scan holds.
+    guest: Option<Guest>,
+    kinds: Vec<Kind>,
+    reports: Reports,
+    ledger: Ledger,
+    health: Doctor,
+    state: State,
+    next_state: Instant,
+    /// Number and time of the last scan that came.
+    last: Option<(u64, u64)>,
+    /// How many guests there were: each needs a name of its own.
+    guests: u64,
+}
+
+impl std::fmt::Debug for Viewing<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Viewing")
+            .field("run", &self.run)
+            .field("kinds", &self.kinds)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'a> Viewing<'a> {
+    /// Begins to serve.
+    ///
+    /// # Errors
+    /// When nothing can be served, or the run has no room for a further guest.
+    pub fn start(live: &Live<'a>) -> Result<Self, LiveError> {
+        let Live {
+            run,
+            reference,
+            settings,
+            how,
+        } = *live;
+        let codec = Codec::new(run.rig.clone(), reference);
+        let made = run.kinds();
+        let mut channels = codec.channels(true);
+        channels.retain(|channel| match &channel.content {
+            Content::Data(topic) => made.contains(&topic.kind),
+            _ => true,
+        });
+        let state = state_of(run).unwrap_or_default();
+        let offered = |channel: &Channel| Offered {
+            topic: channel.name.clone(),
+            encoding: channel.schema.message_encoding().to_owned(),
+            schema: channel.schema.name.clone(),
+            schema_encoding: channel.schema.encoding.to_owned(),
+            schema_data: channel.schema.data.clone(),
+        };
+        let playback = state.playing.and_then(|playing| {
+            let span = playing.span.filter(|_| playing.is_recording)?;
+            Some((playback_of(&playing, span.0), span))
+        });
+        let name = run.root.file_name().unwrap_or_default();
+        let offer = Offer {
+            name: format!("tricurve {}", name.to_string_lossy()),
+            topics: channels.iter().map(offered).collect(),
+            is_graph: true,
+            playback,
+            how,
+        };
+        let server = Server::start(settings, offer)?;
+        server.tell_graph(graph_of(run, &channels));
+        Ok(Self {
+            run,
+            encoder: Encoder::new(codec, channels).standing_alone(),
+            out: Out {
+                server,
+                nanos: 0,
+                bytes: 0,
+                message: Vec::new(),
+            },
+            guest: None,
+            kinds: Vec::new(),
+            reports: Guest::reports(run, &format!("view.{}.reports", std::process::id()))?,
+            ledger: Ledger::default(),
+            health: Doctor::default(),
+            state,
+            next_state: Instant::now(),
+            last: None,
+            guests: 0,
+        })
+    }
+
+    /// Where viewers find it.
+    pub fn address(&self) -> SocketAddr {
+        self.out.server.address()
+    }
+
+    /// Viewers of which it is to be said now that they are too slow.
+    pub fn slow(&mut self) -> Vec<SocketAddr> {
+        self.out.server.slow()
+    }
+
+    /// Scans that viewers did not get whole, of those they were to get.
+    pub fn missed(&self) -> (u64, u64) {
+        self.out.server.missed()
+    }
+
+    /// Does what viewers want and sends what has come; waits a moment when there is nothing.
+    ///
+    /// # Errors
+    /// When the bus fails or a message is damaged.
+    pub fn turn(&mut self) -> Result<(), LiveError> {
+        let timeout = match self.guest {
+            Some(_) => LOOK_EVERY,
+            None => IDLE,
+        };
+        match self.out.server.wishes().recv_timeout(timeout) {
+            Ok(wish) => self.hear(wish)?,
+            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+        }
+        while let Ok(wish) = self.out.server.wishes().try_recv() {
+            self.hear(wish)?;
+        }
+        while let Some(guest) = &mut self.guest
+            && let Some(scan) = guest.scan_now()?
+        {
+            self.show(&scan)?;
+        }
+        while let Some(event) = self.reports.receive()? {
+            self.report(event);
+        }
+        if self.next_state <= Instant::now() && self.out.server.has_viewers() {
+            self.next_state = Instant::now() + STATE_EVERY;
+            self.tell_state();
+        }
+        Ok(())
+    }
+
+    fn hear(&mut self, wish: Wish) -> Result<(), LiveError> {
+        match wish {
+            Wish::Subscriptions => self.choose()?,
+            Wish::Playback => self.play(),
+            Wish::Get(names, responder) => {
+                let state = state_of(self.run);
+                self.state = state.unwrap_or_else(|| std::mem::take(&mut self.state));
+                let is_wanted = |name: &str| names.is_empty() || names.iter().any(|n| n == name);
+                let all = self.state.parameters.iter();
+                let wanted = all.filter(|parameter| is_wanted(&parameter.name));
+                responder.respond(wanted.map(|p| parameter_of(&p.name, &p.value)).collect());
+            }
+            Wish::Set(values, client, responder) => {
+                let names: Vec<String> = values.keys().cloned().collect();
+                if let Some(why) = self.set(values) {
+                    client.send_error(why);
+                }
+                // What was not taken shows its old value again.
+                self.state = state_of(self.run).unwrap_or_default();
+                let all = self.state.parameters.iter();
+                let asked = all.filter(|parameter| names.contains(&parameter.name));
+                let now: Vec<_> = asked.map(|p| parameter_of(&p.name, &p.value)).collect();
+                self.out.server.tell_parameters(now.clone());
+                responder.respond(now);
+            }
+            Wish::Call(call, reply) => {
+                let ask = match call {
+                    Call::Pause => Ask::Play { play: Play::Stop },
+                    Call::Resume => Ask::Play { play: Play::Resume },
+                    Call::Snapshot => Ask::Snapshot,
+                };
+                // A snapshot takes its time, and scans go on meanwhile.
+                let root = self.run.root.clone();
+                let answer = move || {
+                    let answer = match bus::ask(&root, &ask) {
+                        Ok(Answer::Done { text }) => Ok(text),
+                        Ok(Answer::Refused { why }) => Err(why),
+                        Ok(Answer::State(_)) => Ok(String::new()),
+                        Err(error) => Err(format!("the launcher does not answer: {error}")),
+                    };
+                    reply.send(answer).unwrap_or_default();
+                };
+                std::thread::Builder::new()
+                    .name("call".to_owned())
+                    .spawn(answer)
+                    .map(drop)
+                    .unwrap_or_default();
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets parameters otherwise; gives why not.
+    fn set(&self, values: BTreeMap<String, Value>) -> Option<String> {
+        match bus::ask(&self.run.root, &Ask::Set { values }) {
+            Ok(Answer::Refused { why }) => Some(why),
+            Ok(Answer::Done { .. } | Answer::State(_)) => None,
+            Err(error) => Some(format!("the launcher does not answer: {error}")),
+        }
+    }
+
+    /// Lets the replay that is the source play as the viewer wants.
+    fn play(&mut self) {
+        let (playback, seek) = {
+            let mut playback = self.out.server.playback();
+            let seek = playback.seek.take();
+            (*playback, seek)
+        };
+        let before = self.state.playing.unwrap_or_default();
+        let mut plays = Vec::new();
+        plays.extend(seek.map(Play::Seek));
+        let speed = f64::from(playback.speed);
+        if before.rate.unwrap_or(1.0) != speed {
+            plays.push(Play::Rate(speed));
+        }
+        plays.push(match playback.is_playing {
+            true => Play::Resume,
+            false => Play::Stop,
+        });
+        // Sought in while it is paused, it shows where it is.
+        if seek.is_some() && !playback.is_playing {
+            plays.push(Play::Step);
+        }
+        for play in plays {
+            if let Ok(Answer::Refused { why }) = bus::ask(&self.run.root, &Ask::Play { play }) {
+                self.log(Level::Warning, "bridge", &why);
+            }
+        }
+        self.next_state = Instant::now();
+    }
+
+    /// Listens to what somebody is subscribed to, and to nothing else.
+    fn choose(&mut self) -> Result<(), LiveError> {
+        let made = self.run.kinds();
+        let mut kinds = Vec::new();
+        for (index, channel) in self.encoder.channels().iter().enumerate() {
+            if self.out.server.is_wanted(index) {
+                kinds.extend(needs(&channel.content, &made));
+            }
+        }
+        kinds.sort_unstable();
+        kinds.dedup();
+        if kinds == self.kinds {
+            return Ok(());
+        }
+        self.guest = None;
+        if !kinds.is_empty() {
+            self.guests += 1;
+            let name = format!("view.{}.{}", std::process::id(), self.guests);
+            self.guest = Some(Guest::join(self.run, &name, &kinds)?);
+        }
+        self.kinds = kinds;
+        Ok(())
+    }
+
+    /// Sends a scan, as far as somebody is subscribed and has taken those before.
+    fn show(&mut self, scan: &Joined) -> Result<(), BusError> {
+        if !self.out.server.admit() {
+            return Ok(());
+        }
+        let headers: Vec<Header> = scan.messages().iter().map(|m| m.header()).collect();
+        let mut views = Vec::with_capacity(headers.len());
+        for (header, message) in headers.iter().zip(scan.messages()) {
+            let view = message.any_view()?;
+            if !view.is_sound() {
+                return Err(message.damaged());
+            }
+            views.push((header, view));
+        }
+        let nanos = headers.first().map_or(0, |header| header.capture_nanos);
+        self.last = Some((scan.sequence, nanos));
+        self.out.server.playback().nanos = nanos;
+        self.out.server.time(nanos);
+        self.encoder.encode(&views, &mut self.out);
+        Ok(())
+    }
+
+    /// Takes in what a node reports or says.
+    fn report(&mut self, event: Event) {
+        if let Event::Log(Log { level, node, text }) = &event {
+            let level = match level {
+                bus::Level::Info => Level::Info,
+                bus::Level::Warn => Level::Warning,
+                bus::Level::Error => Level::Error,
+            };
+            self.log(level, node, text);
+        }
+        self.health.hear(&event);
+        self.ledger.hear(event);
+    }
+
+    fn begin(&mut self) {
+        let (sequence, nanos) = self.last.unwrap_or((0, now_nanos()));
+        self.out.begin(sequence, nanos);
+    }
+
+    fn log(&mut self, level: Level, node: &str, line: &str) {
+        self.begin();
+        self.encoder.log(level, node, line, &mut self.out);
+    }
+
+    /// Tells how things stand: the account, parameters that others have set, how the source plays.
+    fn tell_state(&mut self) {
+        self.begin();
+        self.encoder.ledger(&self.ledger, &mut self.out);
+        self.encoder
+            .health(self.health.say(Instant::now()), &mut self.out);
+        let Some(state) = state_of(self.run) else {
+            return;
+        };
+        let is_new = |parameter: &&bus::Parameter| !self.state.parameters.contains(parameter);
+        let changed = state.parameters.iter().filter(is_new);
+        let changed: Vec<_> = changed.map(|p| parameter_of(&p.name, &p.value)).collect();
+        if !changed.is_empty() {
+            self.out.server.tell_parameters(changed);
+        }
+        if let Some(playing) = state.playing.filter(|playing| playing.is_recording)
+            && state.playing != self.state.playing
+        {
+            let nanos = self.last.map_or(0, |(_, nanos)| nanos);
+            let nanos = playing.span.map_or(nanos, |(first, _)| nanos.max(first));
+            *self.out.server.playback() = playback_of(&playing, nanos);
+            self.out.server.tell_playback(false);
+        }
+        self.state = state;
+    }
+}
+
+fn now_nanos() -> u64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    since.map_or(0, |since| since.as_nanos() as u64)
+}
+
+/// Sends what is encoded, topic by topic.
+struct Out {
+    server: Server,
+    nanos: u64,
+    bytes: usize,
+    /// Memory for one message, used again and again.
+    message: Vec<u8>,
+}
+
+impl Sink for Out {
+    fn begin(&mut self, _sequence: u64, nanos: u64) {
+        self.nanos = nanos;
+        self.bytes = 0;
+    }
+
+    fn nanos(&self) -> u64 {
+        self.nanos
+    }
+
+    fn wants(&self, channel: usize) -> bool {
+        self.server.is_wanted(channel)
+    }
+
+    fn add(&mut self, channel: usize, encode: impl FnOnce(&mut Vec<u8>)) {
+        self.message.clear();
+        encode(&mut self.message);
+        self.bytes += self.message.len();
+        self.server.send(channel, self.nanos, &self.message);
+    }
+
+    fn len(&self) -> usize {
+        self.bytes
+    }
+}

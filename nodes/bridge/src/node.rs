@@ -1,0 +1,53 @@
+//! The shell: a running graph's own bridge to viewers. It takes nothing from the pipe: it is a guest like others.
+
+use std::time::Duration;
+
+use messages::bus::{Bus, Level, Request, Run, Start};
+use serde_json::Value;
+
+use crate::Settings;
+use crate::live::{Live, LiveError, Viewing};
+
+/// Shows the graph to viewers until told to stop.
+///
+/// # Errors
+/// When nothing can be served, or the bus fails.
+pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), LiveError> {
+    let run = bus.run().clone();
+    let mut viewing = Viewing::start(&Live {
+        run: &run,
+        reference: reference_of(&run, &start.configuration),
+        settings: &settings,
+        how: "--set bridge.port=8766",
+    })?;
+    let address = viewing.address();
+    bus.log(
+        Level::Info,
+        format!("viewers find the graph at ws://{address}"),
+    );
+    if !address.ip().is_loopback() {
+        let text = "everybody on the network can see all images and turn all parameters: nobody is asked for a password";
+        bus.log(Level::Warn, text);
+    }
+    bus.ready()?;
+    loop {
+        viewing.turn()?;
+        for viewer in viewing.slow() {
+            let text = format!("the viewer {viewer} is too slow and does not get every scan");
+            bus.log(Level::Warn, text);
+        }
+        if let Some(Request::Stop(_)) = bus.request(Duration::ZERO)? {
+            break;
+        }
+    }
+    let (missed, offered) = viewing.missed();
+    bus.finish(&[("offered", offered), ("missed", missed)]);
+    Ok(())
+}
+
+/// Index of the view that disparities and points belong to.
+pub fn reference_of(run: &Run, configuration: &Value) -> usize {
+    let reference = configuration.get("match").and_then(|m| m.get("reference"));
+    let named = |view: &messages::View| reference.and_then(Value::as_str) == Some(&view.name);
+    run.rig.views.iter().position(named).unwrap_or_default()
+}

@@ -1,0 +1,258 @@
+//! A recording for viewers: played, paused and sought in as they say, scan by scan, as it was recorded.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use messages::recording::{ReadError, Recording};
+
+use crate::Settings;
+use crate::server::{Offer, Offered, Playback, ServeError, Server, Wish};
+
+/// Why a recording cannot be played to viewers.
+#[derive(Debug, thiserror::Error)]
+pub enum PlayerError {
+    /// It cannot be served.
+    #[error(transparent)]
+    Serve(#[from] ServeError),
+    /// It cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// There is nothing to show.
+    #[error("{0} holds no scan")]
+    Empty(String),
+}
+
+/// How often viewers are told where it is, and it is looked whether to end.
+const TICK: Duration = Duration::from_millis(40);
+
+/// A recording, shown to viewers, and where it is.
+pub struct Player {
+    server: Server,
+    clock: Instant,
+    film: Film,
+}
+
+impl std::fmt::Debug for Player {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Player").field(&self.film).finish()
+    }
+}
+
+impl Player {
+    /// Begins to serve a recording, at its first scan.
+    ///
+    /// # Errors
+    /// When nothing can be served, or the recording holds nothing.
+    pub fn start(
+        recording: Recording,
+        settings: &Settings,
+        is_paused: bool,
+        how: &'static str,
+    ) -> Result<Self, PlayerError> {
+        let film = Film::new(recording)?;
+        let playback = Playback {
+            is_playing: !is_paused,
+            speed: 1.0,
+            nanos: film.first(),
+            seek: Some(film.first()),
+            has_ended: false,
+        };
+        let offer = Offer {
+            name: film.recording.path().display().to_string(),
+            topics: film.topics(),
+            is_graph: false,
+            playback: Some((playback, (film.first(), film.last()))),
+            how,
+        };
+        Ok(Self {
+            server: Server::start(settings, offer)?,
+            clock: Instant::now(),
+            film,
+        })
+    }
+
+    /// Where viewers find it.
+    pub fn address(&self) -> SocketAddr {
+        self.server.address()
+    }
+
+    /// Viewers of which it is to be said now that they are too slow.
+    pub fn slow(&mut self) -> Vec<SocketAddr> {
+        self.server.slow()
+    }
+
+    /// Scans that viewers did not get whole, of those they were to get.
+    pub fn missed(&self) -> (u64, u64) {
+        self.server.missed()
+    }
+
+    /// Does what viewers want and shows what is due; waits a moment when there is nothing.
+    ///
+    /// # Errors
+    /// When the recording cannot be read.
+    pub fn turn(&mut self) -> Result<(), PlayerError> {
+        let timeout = self.film.until_next(&self.server).min(TICK);
+        let mut has_news = false;
+        if let Ok(wish) = self.server.wishes().recv_timeout(timeout) {
+            has_news = matches!(wish, Wish::Subscriptions);
+            while let Ok(wish) = self.server.wishes().try_recv() {
+                has_news |= matches!(wish, Wish::Subscriptions);
+            }
+        }
+        if has_news && !self.film.was_playing {
+            // Whoever comes while nothing moves sees where it stands.
+            self.film.show(&mut self.server)?;
+        }
+        let now = Instant::now();
+        self.film.play(&mut self.server, now - self.clock)?;
+        self.clock = now;
+        Ok(())
+    }
+}
+
+/// A recording, and where it is.
+#[derive(Debug)]
+struct Film {
+    recording: Recording,
+    /// Scans with their times, in order of time.
+    scans: Vec<(u64, u64)>,
+    /// Index of each topic.
+    indices: BTreeMap<String, usize>,
+    /// The scan that was shown last.
+    shown: usize,
+    was_playing: bool,
+}
+
+impl Film {
+    fn new(recording: Recording) -> Result<Self, PlayerError> {
+        let nanos = |scan| Some((scan, recording.nanos(scan)?));
+        let mut scans: Vec<(u64, u64)> = recording.scans().filter_map(nanos).collect();
+        scans.sort_by_key(|(scan, nanos)| (*nanos, *scan));
+        if scans.is_empty() {
+            return Err(PlayerError::Empty(recording.path().display().to_string()));
+        }
+        let definitions = recording.definitions();
+        let names = definitions.iter().map(|(topic, ..)| (*topic).to_owned());
+        Ok(Self {
+            indices: names.zip(0..).collect(),
+            scans,
+            shown: 0,
+            was_playing: false,
+            recording,
+        })
+    }
+
+    /// When its first scan was taken, in nanoseconds since 1970.
+    fn first(&self) -> u64 {
+        self.scans.first().map_or(0, |(_, nanos)| *nanos)
+    }
+
+    /// When its last scan was taken.
+    fn last(&self) -> u64 {
+        self.scans.last().map_or(0, |(_, nanos)| *nanos)
+    }
+
+    /// The scan to be seen at a time: the last one taken until then, or the first.
+    fn scan_at(&self, nanos: u64) -> usize {
+        let until = self.scans.partition_point(|(_, taken)| *taken <= nanos);
+        until.saturating_sub(1)
+    }
+
+    fn topics(&self) -> Vec<Offered> {
+        let definitions = self.recording.definitions();
+        let offered = |(topic, encoding, schema): (&str, &str, Option<&_>)| {
+            let schema: Option<&messages::recording::FileSchema> = schema;
+            Offered {
+                topic: topic.to_owned(),
+                encoding: encoding.to_owned(),
+                schema: schema.map_or(String::new(), |schema| schema.name.clone()),
+                schema_encoding: schema.map_or(String::new(), |schema| schema.encoding.clone()),
+                schema_data: schema.map_or(Vec::new(), |schema| schema.data.clone()),
+            }
+        };
+        definitions.into_iter().map(offered).collect()
+    }
+
+    /// How long until the next scan is due.
+    fn until_next(&self, server: &Server) -> Duration {
+        let playback = server.playback();
+        let next = self.scans.get(self.shown + 1);
+        match (next, playback.is_playing) {
+            (Some((_, nanos)), true) => {
+                let ahead = nanos.saturating_sub(playback.nanos);
+                Duration::from_secs_f64(ahead as f64 / 1e9 / f64::from(playback.speed))
+            }
+            _ => TICK,
+        }
+    }
+
+    /// Lets so much time pass, and shows what then is to be seen.
+    fn play(&mut self, server: &mut Server, elapsed: Duration) -> Result<(), PlayerError> {
+        let last = self.last();
+        let (target, is_sought, is_playing) = {
+            let mut playback = server.playback();
+            let seek = playback.seek.take();
+            if let Some(nanos) = seek {
+                playback.nanos = nanos.clamp(self.first(), last);
+            } else if playback.is_playing && playback.has_ended {
+                // Played again after its end: from the beginning.
+                playback.nanos = self.first();
+                playback.has_ended = false;
+            } else if playback.is_playing && self.was_playing {
+                let passed = elapsed.as_secs_f64() * f64::from(playback.speed) * 1e9;
+                playback.nanos = playback.nanos.saturating_add(passed as u64).min(last);
+            }
+            (playback.nanos, seek.is_some(), playback.is_playing)
+        };
+        self.was_playing = is_playing;
+        let scan = self.scan_at(target);
+        if is_sought || scan < self.shown {
+            self.shown = scan;
+            self.show(server)?;
+        } else {
+            // Every scan on the way, unless viewers have not taken those before.
+            while self.shown < scan {
+                self.shown += 1;
+                if server.admit() {
+                    self.show(server)?;
+                }
+            }
+        }
+        if is_playing {
+            server.time(target);
+        }
+        if is_playing && target >= last && !is_sought {
+            {
+                let mut playback = server.playback();
+                playback.is_playing = false;
+                playback.has_ended = true;
+            }
+            self.was_playing = false;
+            server.tell_playback(false);
+        }
+        Ok(())
+    }
+
+    /// Sends the scan that is to be seen, as far as somebody is subscribed.
+    fn show(&mut self, server: &mut Server) -> Result<(), PlayerError> {
+        let (scan, nanos) = self.scans[self.shown];
+        let is_wanted = |topic: &str| {
+            let index = self.indices.get(topic);
+            index.is_some_and(|index| server.is_wanted(*index))
+        };
+        let wanted: Vec<bool> = self.indices.keys().map(|topic| is_wanted(topic)).collect();
+        server.time(nanos);
+        if !wanted.contains(&true) {
+            return Ok(());
+        }
+        let scan = self.recording.scan_of(scan, |topic| is_wanted(topic))?;
+        for (topic, message) in scan.messages() {
+            if let Some(index) = self.indices.get(topic) {
+                server.send(*index, nanos, message);
+            }
+        }
+        self.recording.reuse(scan);
+        Ok(())
+    }
+}

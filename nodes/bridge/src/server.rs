@@ -1,0 +1,495 @@
+//! The server: what it offers, what viewers ask of it, and one way out for every message.
+
+use std::collections::BTreeMap;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use crossbeam::channel::{Receiver, Sender, bounded};
+use foxglove::websocket::service::{Request, Service, ServiceSchema};
+use foxglove::websocket::{
+    AnyClient, Capability, ChannelView, Client, ConnectionGraph, GetParametersResponder, Parameter,
+    ParameterHandler, ParameterType, ParameterValue, PlaybackCommand, PlaybackControlRequest,
+    PlaybackState, PlaybackStatus, ServerListener, SetParametersResponder,
+};
+use foxglove::{
+    ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel, WebSocketServer,
+    WebSocketServerHandle,
+};
+use serde_json::{Value, json};
+
+use crate::Settings;
+use crate::viewers::{Viewers, unsent};
+
+/// Why nothing can be served.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The port is another program's, or another view's.
+    #[error("port {port} of {host} is taken: choose another with {how}")]
+    Taken {
+        /// The address.
+        host: String,
+        /// The port.
+        port: u32,
+        /// What to set.
+        how: &'static str,
+    },
+    /// It cannot be listened there.
+    #[error("cannot listen at {host}:{port}: {cause}")]
+    Listen {
+        /// The address.
+        host: String,
+        /// The port.
+        port: u32,
+        /// What the system says.
+        cause: String,
+    },
+    /// A topic cannot be offered.
+    #[error("cannot offer {topic}: {cause}")]
+    Topic {
+        /// Its name.
+        topic: String,
+        /// What the library says.
+        cause: String,
+    },
+}
+
+/// What a viewer wants.
+pub(crate) enum Wish {
+    /// It subscribed to a topic or no longer does.
+    Subscriptions,
+    /// The recording played otherwise: as [`Playback`] now says.
+    Playback,
+    /// Values of parameters: of these, or of all.
+    Get(Vec<String>, GetParametersResponder),
+    /// Parameters set otherwise.
+    Set(BTreeMap<String, Value>, AnyClient, SetParametersResponder),
+    /// A service.
+    Call(Call, Sender<Result<String, String>>),
+}
+
+/// The services.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Call {
+    Pause,
+    Resume,
+    Snapshot,
+}
+
+/// How a recording plays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Playback {
+    pub(crate) is_playing: bool,
+    pub(crate) speed: f32,
+    /// Where it is, in nanoseconds since 1970.
+    pub(crate) nanos: u64,
+    /// Where to go on, when somebody has asked for it.
+    pub(crate) seek: Option<u64>,
+    pub(crate) has_ended: bool,
+}
+
+impl Playback {
+    fn state(&self, did_seek: bool) -> PlaybackState {
+        PlaybackState {
+            status: match (self.is_playing, self.has_ended) {
+                (_, true) => PlaybackStatus::Ended,
+                (true, _) => PlaybackStatus::Playing,
+                (false, _) => PlaybackStatus::Paused,
+            },
+            current_time: self.nanos,
+            playback_speed: self.speed,
+            did_seek,
+            request_id: None,
+        }
+    }
+}
+
+/// A topic, and how its messages are to be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Offered {
+    pub(crate) topic: String,
+    /// How messages are encoded.
+    pub(crate) encoding: String,
+    /// The schema's name.
+    pub(crate) schema: String,
+    pub(crate) schema_encoding: String,
+    pub(crate) schema_data: Vec<u8>,
+}
+
+/// What is offered.
+pub(crate) struct Offer {
+    /// What viewers call the source.
+    pub(crate) name: String,
+    pub(crate) topics: Vec<Offered>,
+    /// Whether there are parameters and services.
+    pub(crate) is_graph: bool,
+    /// How the recording plays, and from when to when it goes.
+    pub(crate) playback: Option<(Playback, (u64, u64))>,
+    /// What to set when the port is taken.
+    pub(crate) how: &'static str,
+}
+
+/// Wishes that may wait; a viewer that floods is told so.
+const MOST_WISHES: usize = 256;
+/// How long a service may take.
+const SERVICE_PATIENCE: Duration = Duration::from_secs(60);
+/// How often it is looked whether viewers keep up, when no scan comes.
+const SLOW_EVERY: Duration = Duration::from_secs(10);
+
+/// A server with its topics.
+pub(crate) struct Server {
+    handle: Option<WebSocketServerHandle>,
+    channels: Vec<Arc<RawChannel>>,
+    wishes: Receiver<Wish>,
+    playback: Arc<Mutex<Playback>>,
+    viewers: Viewers,
+    backlog: u32,
+    ip: IpAddr,
+    port: u16,
+    told_slow: BTreeMap<SocketAddr, Instant>,
+}
+
+impl Server {
+    pub(crate) fn start(settings: &Settings, offer: Offer) -> Result<Self, ServeError> {
+        let context = Context::new();
+        let channel = |offered: Offered| {
+            let (name, encoding) = (offered.schema, offered.schema_encoding);
+            let schema = foxglove::Schema::new(name, encoding, offered.schema_data);
+            let channel = ChannelBuilder::new(&offered.topic)
+                .context(&context)
+                .message_encoding(offered.encoding)
+                .schema(schema)
+                .build_raw();
+            channel.map_err(|error| ServeError::Topic {
+                topic: offered.topic,
+                cause: error.to_string(),
+            })
+        };
+        let topics = offer.topics.into_iter();
+        let channels: Vec<Arc<RawChannel>> = topics.map(channel).collect::<Result<_, _>>()?;
+        let (wish, wishes) = bounded(MOST_WISHES);
+        let playback = offer.playback.map(|(playback, _)| playback);
+        let playback = Arc::new(Mutex::new(playback.unwrap_or(Playback {
+            is_playing: true,
+            speed: 1.0,
+            nanos: 0,
+            seek: None,
+            has_ended: false,
+        })));
+        let listener = Arc::new(Listener {
+            wish: wish.clone(),
+            playback: Arc::clone(&playback),
+        });
+        let mut capabilities = vec![Capability::Time];
+        if offer.is_graph {
+            capabilities.extend([
+                Capability::Parameters,
+                Capability::Services,
+                Capability::ConnectionGraph,
+            ]);
+        }
+        // Every viewer has room for the scans that may wait for it, and the one that goes out.
+        let backlog = channels.len() * (settings.backlog as usize + 1);
+        let mut server = WebSocketServer::new()
+            .name(offer.name)
+            .context(&context)
+            .bind(&settings.host, settings.port as u16)
+            .message_backlog_size(backlog.max(64))
+            .listener(Arc::clone(&listener) as Arc<dyn ServerListener>);
+        if let Some((_, (first, last))) = offer.playback {
+            capabilities.push(Capability::PlaybackControl);
+            server = server.playback_time_range(first, last);
+        }
+        if offer.is_graph {
+            server = server
+                .parameter_handler(listener)
+                .supported_encodings(["json"])
+                .services(services(&wish));
+        }
+        let handle = server.capabilities(capabilities).start_blocking();
+        let handle = handle.map_err(|error| not_listening(&error, settings, offer.how))?;
+        Ok(Self {
+            ip: settings.host.parse().unwrap_or([127, 0, 0, 1].into()),
+            port: handle.port(),
+            handle: Some(handle),
+            channels,
+            wishes,
+            playback,
+            viewers: Viewers::default(),
+            backlog: settings.backlog,
+            told_slow: BTreeMap::new(),
+        })
+    }
+
+    /// Where it listens.
+    pub(crate) fn address(&self) -> SocketAddr {
+        SocketAddr::new(self.ip, self.port)
+    }
+
+    /// Whether somebody is connected.
+    pub(crate) fn has_viewers(&self) -> bool {
+        self.handle
+            .as_ref()
+            .is_some_and(|handle| handle.client_count() > 0)
+    }
+
+    /// What viewers want, in order.
+    pub(crate) fn wishes(&self) -> &Receiver<Wish> {
+        &self.wishes
+    }
+
+    /// Whether somebody is subscribed to the topic with this index.
+    pub(crate) fn is_wanted(&self, channel: usize) -> bool {
+        self.channels[channel].has_sinks()
+    }
+
+    /// Whether a scan is to go out now, or every viewer still has scans before it.
+    pub(crate) fn admit(&mut self) -> bool {
+        self.viewers.admit(&unsent(self.port), self.backlog)
+    }
+
+    /// Viewers of which it is to be said now that they are too slow.
+    pub(crate) fn slow(&mut self) -> Vec<SocketAddr> {
+        let now = Instant::now();
+        let slow: Vec<SocketAddr> = self.viewers.slow(self.backlog).collect();
+        let is_due = |viewer: &SocketAddr| {
+            let told = self.told_slow.get(viewer);
+            told.is_none_or(|told| now.duration_since(*told) > SLOW_EVERY)
+        };
+        let due: Vec<SocketAddr> = slow.into_iter().filter(is_due).collect();
+        self.told_slow
+            .retain(|_, told| now.duration_since(*told) <= SLOW_EVERY);
+        self.told_slow
+            .extend(due.iter().map(|viewer| (*viewer, now)));
+        due
+    }
+
+    /// Scans that viewers did not get whole, of those they were to get.
+    pub(crate) fn missed(&self) -> (u64, u64) {
+        self.viewers.missed()
+    }
+
+    /// Sends a message to all who are subscribed.
+    pub(crate) fn send(&self, channel: usize, nanos: u64, message: &[u8]) {
+        let meta = PartialMetadata {
+            log_time: Some(nanos),
+        };
+        self.channels[channel].log_with_meta(message, meta);
+    }
+
+    /// Tells viewers what time it is in what they see.
+    pub(crate) fn time(&self, nanos: u64) {
+        if let Some(handle) = &self.handle {
+            handle.broadcast_time(nanos);
+        }
+    }
+
+    /// How the recording plays.
+    pub(crate) fn playback(&self) -> MutexGuard<'_, Playback> {
+        self.playback.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Tells viewers how the recording plays.
+    pub(crate) fn tell_playback(&self, did_seek: bool) {
+        let state = self.playback().state(did_seek);
+        if let Some(handle) = &self.handle {
+            handle.broadcast_playback_state(state);
+        }
+    }
+
+    /// Tells viewers values of parameters.
+    pub(crate) fn tell_parameters(&self, parameters: Vec<Parameter>) {
+        if let Some(handle) = &self.handle {
+            handle.publish_parameter_values(parameters);
+        }
+    }
+
+    /// Tells viewers who publishes and takes what.
+    pub(crate) fn tell_graph(&self, graph: ConnectionGraph) {
+        if let Some(handle) = &self.handle {
+            // It fails only without the capability.
+            handle.publish_connection_graph(graph).unwrap_or_default();
+        }
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        if let Some(handle) = self.handle.take() {
+            handle.stop().wait_blocking();
+        }
+    }
+}
+
+fn not_listening(error: &FoxgloveError, settings: &Settings, how: &'static str) -> ServeError {
+    let (host, port) = (settings.host.clone(), settings.port);
+    match error {
+        FoxgloveError::Bind(io) if io.kind() == std::io::ErrorKind::AddrInUse => {
+            ServeError::Taken { host, port, how }
+        }
+        error => ServeError::Listen {
+            host,
+            port,
+            cause: error.to_string(),
+        },
+    }
+}
+
+/// The services: no arguments, and an answer in words.
+fn services(wish: &Sender<Wish>) -> Vec<Service> {
+    let answer = json!({ "type": "object", "properties": { "text": { "type": "string" } } });
+    let service = |name: &str, call: Call| {
+        let schema = ServiceSchema::new(format!("tricurve/{name}"))
+            .with_request(
+                "json",
+                foxglove::Schema::new(
+                    "tricurve.Nothing",
+                    "jsonschema",
+                    br#"{"type":"object"}"#.to_vec(),
+                ),
+            )
+            .with_response(
+                "json",
+                foxglove::Schema::new(
+                    "tricurve.Answer",
+                    "jsonschema",
+                    answer.to_string().into_bytes(),
+                ),
+            );
+        let wish = wish.clone();
+        Service::builder(format!("tricurve/{name}"), schema).blocking_handler_fn(
+            move |_request: Request| -> Result<Vec<u8>, String> {
+                let (reply, answer) = bounded(1);
+                wish.try_send(Wish::Call(call, reply))
+                    .map_err(|_| "too much is asked at once".to_owned())?;
+                let text = answer
+                    .recv_timeout(SERVICE_PATIENCE)
+                    .map_err(|_| "no answer in time".to_owned())??;
+                Ok(json!({ "text": text }).to_string().into_bytes())
+            },
+        )
+    };
+    vec![
+        service("pause", Call::Pause),
+        service("resume", Call::Resume),
+        service("snapshot", Call::Snapshot),
+    ]
+}
+
+/// Hears viewers, on the server's threads, and hands on what they want.
+struct Listener {
+    wish: Sender<Wish>,
+    playback: Arc<Mutex<Playback>>,
+}
+
+impl ServerListener for Listener {
+    fn on_subscribe(&self, _client: Client, _channel: ChannelView<'_>) {
+        // When there is no room somebody else has wished for a look at the subscriptions already.
+        drop(self.wish.try_send(Wish::Subscriptions));
+    }
+
+    fn on_unsubscribe(&self, _client: Client, _channel: ChannelView<'_>) {
+        drop(self.wish.try_send(Wish::Subscriptions));
+    }
+
+    fn on_playback_control_request(
+        &self,
+        request: PlaybackControlRequest,
+    ) -> Option<PlaybackState> {
+        let state = {
+            let mut playback = self.playback.lock().unwrap_or_else(PoisonError::into_inner);
+            playback.is_playing = request.playback_command == PlaybackCommand::Play;
+            if request.playback_speed.is_finite() && request.playback_speed > 0.0 {
+                playback.speed = request.playback_speed.clamp(0.001, 1000.0);
+            }
+            if let Some(nanos) = request.seek_time {
+                playback.nanos = nanos;
+                playback.seek = Some(nanos);
+                playback.has_ended = false;
+            }
+            playback.state(request.seek_time.is_some())
+        };
+        drop(self.wish.try_send(Wish::Playback));
+        Some(state)
+    }
+}
+
+impl ParameterHandler for Listener {
+    fn get(
+        &self,
+        _client: AnyClient,
+        names: Vec<String>,
+        _request_id: Option<String>,
+        responder: GetParametersResponder,
+    ) {
+        // A responder that is dropped says that it failed.
+        drop(self.wish.try_send(Wish::Get(names, responder)));
+    }
+
+    fn set(
+        &self,
+        client: AnyClient,
+        parameters: Vec<Parameter>,
+        _request_id: Option<String>,
+        responder: SetParametersResponder,
+    ) {
+        let value = |parameter: Parameter| {
+            let value = parameter.value.map_or(Value::Null, json_of);
+            (parameter.name, value)
+        };
+        let values = parameters.into_iter().map(value).collect();
+        drop(self.wish.try_send(Wish::Set(values, client, responder)));
+    }
+}
+
+/// A parameter's value as JSON.
+fn json_of(value: ParameterValue) -> Value {
+    match value {
+        ParameterValue::Integer(number) => number.into(),
+        ParameterValue::Float64(number) => number.into(),
+        ParameterValue::Bool(on) => on.into(),
+        ParameterValue::String(text) => text.into(),
+        ParameterValue::Array(values) => values.into_iter().map(json_of).collect(),
+        ParameterValue::Dict(table) => {
+            let entry = |(key, value)| (key, json_of(value));
+            Value::Object(table.into_iter().map(entry).collect())
+        }
+    }
+}
+
+/// A parameter as viewers know it: what a node finds by itself is the text `automatic`.
+pub(crate) fn parameter_of(name: &str, value: &Value) -> Parameter {
+    let value = match value {
+        Value::Null => ParameterValue::String("automatic".to_owned()),
+        value => value_of(value),
+    };
+    Parameter {
+        name: name.to_owned(),
+        r#type: match &value {
+            ParameterValue::Float64(_) => Some(ParameterType::Float64),
+            ParameterValue::Array(values) if values.iter().all(is_number) => {
+                Some(ParameterType::Float64Array)
+            }
+            _ => None,
+        },
+        value: Some(value),
+    }
+}
+
+fn is_number(value: &ParameterValue) -> bool {
+    matches!(value, ParameterValue::Float64(_))
+}
+
+fn value_of(value: &Value) -> ParameterValue {
+    match value {
+        Value::Null => ParameterValue::String(String::new()),
+        Value::Bool(on) => ParameterValue::Bool(*on),
+        Value::Number(number) => ParameterValue::Float64(number.as_f64().unwrap_or_default()),
+        Value::String(text) => ParameterValue::String(text.clone()),
+        Value::Array(values) => ParameterValue::Array(values.iter().map(value_of).collect()),
+        Value::Object(table) => {
+            let entry = |(key, value): (&String, &Value)| (key.clone(), value_of(value));
+            ParameterValue::Dict(table.iter().map(entry).collect())
+        }
+    }
+}
