@@ -23,6 +23,8 @@ pub(crate) const BE_NODE: &str = "_node";
 pub(crate) enum Command {
     /// Run a graph: scans go in, matches, disparities and points come out, everything is recorded
     Run(Run),
+    /// Show a running graph or a recording in Foxglove, live
+    View(View),
     /// Record a graph that runs already, without slowing it
     Record(Record),
     /// Play a recording: from any stage on it is computed anew, recorded or compared with what was recorded
@@ -122,6 +124,9 @@ pub(crate) struct Run {
     /// What happens to a scan that finds the door closed
     #[arg(long, value_enum)]
     pub(crate) delivery: Option<DeliveryArg>,
+    /// Show it in Foxglove while it runs, as `tricurve view` does
+    #[arg(long)]
+    pub(crate) view: bool,
     /// Which settings to start from
     #[arg(long, value_enum, default_value = "default")]
     pub(crate) profile: Profile,
@@ -130,6 +135,36 @@ pub(crate) struct Run {
     pub(crate) set: Vec<String>,
     /// Print the result as JSON
     #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct View {
+    /// The recording to play; without one, the graph that runs
+    pub(crate) file: Option<PathBuf>,
+    /// Which run, by its name or the beginning of it; not needed when only one is alive
+    #[arg(long, value_name = "NAME", conflicts_with = "file")]
+    pub(crate) run: Option<String>,
+    /// The port that viewers connect to; 0 for any that is free
+    #[arg(long, default_value_t = 8765)]
+    pub(crate) port: u16,
+    /// The address to listen at; any but the loopback lets everybody on the network in, without a password
+    #[arg(long, default_value = "127.0.0.1")]
+    pub(crate) host: std::net::IpAddr,
+    /// Begin paused, at the first scan
+    #[arg(long, requires = "file")]
+    pub(crate) start_paused: bool,
+    /// Open Foxglove in the browser
+    #[arg(long)]
+    pub(crate) open: bool,
+    /// Print the layout that shows everything, and end
+    #[arg(long, conflicts_with_all = ["open", "check"])]
+    pub(crate) layout: bool,
+    /// Check that the recording, or the graph that runs, has all that the layout shows, and end
+    #[arg(long)]
+    pub(crate) check: bool,
+    /// With --check, print the result as JSON
+    #[arg(long, requires = "check")]
     pub(crate) json: bool,
 }
 
@@ -270,6 +305,9 @@ pub(crate) struct Replay {
     /// Overwrite a recording that is there already
     #[arg(long)]
     pub(crate) force: bool,
+    /// Show it in Foxglove while it plays: pause, rate and place as the viewer says
+    #[arg(long)]
+    pub(crate) view: bool,
     /// Compare what is computed with what was recorded, byte for byte
     #[arg(long)]
     pub(crate) verify: bool,

@@ -15,6 +15,7 @@ mod run;
 mod topic;
 mod tune;
 mod validate;
+mod view;
 
 use crate::cli::{Cli, Command};
 use crate::{Failure, Outcome};
@@ -23,6 +24,7 @@ use crate::{Failure, Outcome};
 pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
     match cli.command {
         Command::Run(args) => run::run(&args),
+        Command::View(args) => view::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Recover(args) => rewrite::recover(&args),

@@ -78,6 +78,10 @@ impl Graph {
         for name in tables.keys() {
             known_node(name)?;
         }
+        for name in &overrides.with {
+            let own = || Value::Object(Map::new());
+            tables.entry(*name).or_insert_with(own);
+        }
         for name in &overrides.without {
             tables.remove(*name);
         }
@@ -386,6 +390,7 @@ pub(crate) fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), Strin
 pub(crate) struct Overrides {
     set: Vec<(String, String, Value)>,
     without: Vec<&'static str>,
+    with: Vec<&'static str>,
 }
 
 impl Overrides {
@@ -419,6 +424,11 @@ impl Overrides {
     pub(crate) fn set(&mut self, node: &str, key: &str, value: impl Into<Value>) {
         self.set
             .push((node.to_owned(), key.to_owned(), value.into()));
+    }
+
+    /// Takes a node in, with its own settings.
+    pub(crate) fn with(&mut self, node: &'static str) {
+        self.with.push(node);
     }
 
     /// Leaves a node out.

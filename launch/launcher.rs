@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use messages::Rig;
-use messages::bus::{self, Run};
+use messages::bus::{self, NodePlan, Run};
 use messages::change::Change;
 use serde_json::Value;
 
@@ -71,6 +71,9 @@ pub(crate) fn launch(launch: Launch<'_>) -> Result<(Ran, RunDir), Failure> {
         }
     }
     let nodes = run.nodes.iter().map(|node| node.name.clone()).collect();
+    let is_guest = |node: &&NodePlan| node.takes.is_empty() && node.makes.is_empty();
+    let guests = run.nodes.iter().filter(is_guest);
+    let guests = guests.map(|node| node.name.clone()).collect();
     let orders = Orders {
         run,
         configuration,
@@ -88,6 +91,7 @@ pub(crate) fn launch(launch: Launch<'_>) -> Result<(Ran, RunDir), Failure> {
         patience: Duration::from_secs_f64(graph.settings.patience),
         parameters,
         changes,
+        guests,
         no_seek,
     };
     let mut progress = Progress::new(is_quiet, timeline);

@@ -23,6 +23,7 @@ mod commands;
 mod graph;
 mod keys;
 mod launcher;
+mod layout;
 mod node;
 mod offline;
 mod parameters;

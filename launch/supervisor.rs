@@ -41,6 +41,8 @@ pub(crate) struct Duty<'a> {
     pub(crate) parameters: Parameters,
     /// Settings that hold otherwise from a scan on.
     pub(crate) changes: Vec<Change>,
+    /// The nodes that take nothing from the pipe and give it nothing: it goes on without them.
+    pub(crate) guests: Vec<String>,
     /// Why the source cannot be sought in, if it cannot.
     pub(crate) no_seek: Option<&'static str>,
 }
@@ -515,7 +517,15 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         if self.trouble.is_some() {
             return Ok(());
         }
-        if gave_up || !self.nodes.iter().any(|n| n.has_begun) {
+        let has_begun = self.nodes.iter().any(|n| n.has_begun);
+        if gave_up && has_begun && self.duty.guests.contains(&name) {
+            let text = format!("{name} cannot go on ({how}): the run goes on without it");
+            self.watcher.say(Level::Warn, "launch", &text);
+            self.nodes[place].has_finished = true;
+            self.noted(place);
+            return Ok(());
+        }
+        if gave_up || !has_begun {
             let what = if gave_up {
                 "cannot go on"
             } else {

@@ -241,6 +241,9 @@ fn graph(
         });
         tables.insert("record".to_owned(), record);
     }
+    if args.view {
+        tables.insert("bridge".to_owned(), json!({}));
+    }
     let overrides = Overrides::parse(&args.set)?;
     Graph::of_tables(tables, Profile::Default, &overrides)
         .map_err(|text| Failure::usage(format!("the recording's graph: {text}")))

@@ -63,6 +63,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
 
 fn overrides(args: &Args) -> Result<Overrides, Failure> {
     let mut overrides = Overrides::parse(&args.set)?;
+    if args.view {
+        overrides.with("bridge");
+    }
     if let Some(source) = &args.source {
         overrides.set("capture", "source", source.as_str());
     }

@@ -113,6 +113,12 @@ impl Codec {
         to.iter().any(is_it)
     }
 
+    /// The frames that transforms name: `world`, `rig`, and every view's optical one.
+    pub fn frames(&self) -> impl Iterator<Item = &str> {
+        let optical = self.optical_frames.iter().map(String::as_str);
+        ["world", "rig"].into_iter().chain(optical)
+    }
+
     /// The rig.
     pub fn rig(&self) -> &Rig {
         &self.rig

@@ -1,6 +1,6 @@
 //! A running graph for viewers: a guest of the graph, for whom nobody waits.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
@@ -44,6 +44,8 @@ pub struct Live<'a> {
 
 /// How often it is looked who listens, how things stand and what is said, while nobody is subscribed to a scan's topics.
 const IDLE: Duration = Duration::from_millis(200);
+/// Lines that are kept for who comes later.
+const MOST_SAID: usize = 200;
 /// How often viewers are told how things stand.
 const STATE_EVERY: Duration = Duration::from_secs(1);
 
@@ -117,6 +119,9 @@ pub struct Viewing<'a> {
     ledger: Ledger,
     health: Doctor,
     state: State,
+    /// What was said last, for who comes later.
+    said: VecDeque<(Level, String, String)>,
+    is_log_wanted: bool,
     next_state: Instant,
     /// Number and time of the last scan that came.
     last: Option<(u64, u64)>,
@@ -189,6 +194,8 @@ impl<'a> Viewing<'a> {
             ledger: Ledger::default(),
             health: Doctor::default(),
             state,
+            said: VecDeque::new(),
+            is_log_wanted: false,
             next_state: Instant::now(),
             last: None,
             guests: 0,
@@ -243,7 +250,10 @@ impl<'a> Viewing<'a> {
 
     fn hear(&mut self, wish: Wish) -> Result<(), LiveError> {
         match wish {
-            Wish::Subscriptions => self.choose()?,
+            Wish::Subscriptions => {
+                self.choose()?;
+                self.say_again();
+            }
             Wish::Playback => self.play(),
             Wish::Get(names, responder) => {
                 let state = state_of(self.run);
@@ -398,8 +408,32 @@ impl<'a> Viewing<'a> {
     }
 
     fn log(&mut self, level: Level, node: &str, line: &str) {
+        if self.said.len() >= MOST_SAID {
+            self.said.pop_front();
+        }
+        self.said
+            .push_back((level, node.to_owned(), line.to_owned()));
         self.begin();
         self.encoder.log(level, node, line, &mut self.out);
+    }
+
+    /// Whoever comes to the log late reads what was said last.
+    fn say_again(&mut self) {
+        let mut channels = self.encoder.channels().iter();
+        let log = channels.position(|channel| channel.content == Content::Log);
+        let is_wanted = log.is_some_and(|log| self.out.server.is_wanted(log));
+        if is_wanted && !self.is_log_wanted {
+            self.begin();
+            if self.said.is_empty() {
+                let line = format!("{} is shown", self.run.prefix.trim_end_matches('_'));
+                self.encoder
+                    .log(Level::Info, "bridge", &line, &mut self.out);
+            }
+            for (level, node, line) in &self.said {
+                self.encoder.log(*level, node, line, &mut self.out);
+            }
+        }
+        self.is_log_wanted = is_wanted;
     }
 
     /// Tells how things stand: the account, parameters that others have set, how the source plays.

@@ -139,6 +139,8 @@ const SLOW_EVERY: Duration = Duration::from_secs(10);
 /// A server with its topics.
 pub(crate) struct Server {
     handle: Option<WebSocketServerHandle>,
+    /// What holds channels and viewers together: nobody else keeps it.
+    _context: Arc<Context>,
     channels: Vec<Arc<RawChannel>>,
     wishes: Receiver<Wish>,
     playback: Arc<Mutex<Playback>>,
@@ -212,6 +214,7 @@ impl Server {
             ip: settings.host.parse().unwrap_or([127, 0, 0, 1].into()),
             port: handle.port(),
             handle: Some(handle),
+            _context: context,
             channels,
             wishes,
             playback,

@@ -236,6 +236,11 @@ impl Recorder {
         }
         let mut batch = self.spare.pop().unwrap_or_default();
         self.encoder.encode(&views, &mut batch);
+        if self.last.is_none() {
+            let (version, from) = (env!("CARGO_PKG_VERSION"), scan.sequence);
+            let line = format!("tricurve {version} records from scan {from} on");
+            self.encoder.log(Level::Info, bus.name(), &line, &mut batch);
+        }
         self.last = Some((batch.sequence(), batch.nanos()));
         let changes = bus.changes();
         if changes.len() > self.noted {

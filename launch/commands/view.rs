@@ -1,0 +1,318 @@
+//! `tricurve view`: a recording or a running graph for Foxglove and other viewers.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use bridge::{Live, LiveError, Player, PlayerError, Settings, Viewing};
+use messages::record::{Codec, Content};
+use messages::recording::Recording;
+use messages::settings::Settings as _;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use crate::cli::View as Args;
+use crate::layout::{self, Checked, LAYOUT, There, Topic};
+use crate::running::Running;
+use crate::{Failure, Outcome, rundir};
+
+/// How often it is looked whether the graph is still there.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// Viewers give way to the graph.
+const NICENESS: i32 = 10;
+
+pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    if args.layout {
+        super::print(LAYOUT)?;
+        return Ok(Outcome::Done);
+    }
+    let settings = Settings {
+        host: args.host.to_string(),
+        port: args.port.into(),
+        ..Settings::default()
+    };
+    settings
+        .check()
+        .map_err(|error| Failure::usage(format!("bridge.{error}")))?;
+    match &args.file {
+        Some(file) => recording(args, file, &settings),
+        None => running(args, &settings),
+    }
+}
+
+/// What to set when the port is taken.
+const HOW: &str = "--port, as in --port 8766, or --port 0 for any that is free";
+
+fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, Failure> {
+    let mut recording = Recording::open(file).map_err(Failure::failed)?;
+    for note in recording.notes() {
+        crate::say!("view: {note}");
+    }
+    if args.check {
+        let there = there_in(&mut recording)?;
+        return checked(args, &there);
+    }
+    let scans = recording.scans().len();
+    let path = recording.path().display().to_string();
+    let end = end_signal()?;
+    let mut player =
+        Player::start(recording, settings, args.start_paused, HOW).map_err(Failure::failed)?;
+    let title = format!("{path}: {scans} scans, played as the viewer says; Ctrl-C ends");
+    tell(args, &title, player.address(), Some(file))?;
+    while !end.load(Ordering::Relaxed) {
+        player.turn().map_err(|error| match error {
+            PlayerError::Read(error) => Failure::failed(error),
+            error => Failure::failed(error),
+        })?;
+        say_slow(&player.slow());
+    }
+    say_missed(player.missed());
+    Ok(Outcome::Done)
+}
+
+fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
+    let running = Running::choose(args.run.as_deref()).map_err(|failure| Failure {
+        text: format!("{}; or name a recording to view", failure.text),
+        ..failure
+    })?;
+    let orders = &running.orders;
+    let reference = bridge::node::reference_of(&orders.run, &orders.configuration);
+    if args.check {
+        let codec = Codec::new(orders.run.rig.clone(), reference);
+        return checked(args, &there_of(&codec, &orders.run.kinds()));
+    }
+    // A graph waits for nobody who looks at it: neither for memory nor for a processor.
+    rustix::process::nice(NICENESS)
+        .map(drop)
+        .unwrap_or_default();
+    let end = end_signal()?;
+    let mut viewing = Viewing::start(&Live {
+        run: &orders.run,
+        reference,
+        settings,
+        how: HOW,
+    })
+    .map_err(|error| match error {
+        LiveError::Bus(error) => Failure::failed(format!(
+            "cannot join {}: {error}; only so many may listen to a run at once",
+            running.name()
+        )),
+        error => Failure::failed(error),
+    })?;
+    let title = format!("the running graph {}: Ctrl-C ends the view", running.name());
+    tell(args, &title, viewing.address(), None)?;
+    let mut next_look = Instant::now();
+    while !end.load(Ordering::Relaxed) {
+        viewing.turn().map_err(Failure::failed)?;
+        say_slow(&viewing.slow());
+        if next_look <= Instant::now() {
+            next_look = Instant::now() + LOOK_EVERY;
+            if !rundir::is_alive(&running.folder) {
+                crate::say!("view: the graph has ended");
+                break;
+            }
+        }
+    }
+    say_missed(viewing.missed());
+    Ok(Outcome::Done)
+}
+
+fn say_slow(viewers: &[SocketAddr]) {
+    for viewer in viewers {
+        crate::say!("view: the viewer {viewer} is too slow and does not get every scan");
+    }
+}
+
+fn say_missed((missed, offered): (u64, u64)) {
+    if missed > 0 {
+        crate::say!("view: viewers did not get {missed} of {offered} scans: they were too slow");
+    }
+}
+
+/// Says where viewers find it, and opens one if that is wanted.
+fn tell(args: &Args, title: &str, address: SocketAddr, file: Option<&Path>) -> Result<(), Failure> {
+    if !address.ip().is_loopback() {
+        crate::say!(
+            "view: warning: everybody on the network can see all images and turn all parameters: nobody is asked for a password"
+        );
+    }
+    // Viewers connect to an address, not to all of them.
+    let host = match address.ip() {
+        ip if ip.is_unspecified() => "localhost".to_owned(),
+        ip @ std::net::IpAddr::V6(_) => format!("[{ip}]"),
+        ip => ip.to_string(),
+    };
+    let server = format!("ws://{host}:{}", address.port());
+    let foxglove = foxglove_url(&server);
+    let rerun = match file {
+        Some(file) => format!(
+            "rerun --bind 127.0.0.1 {}",
+            quoted(&file.display().to_string())
+        ),
+        None => {
+            "tricurve record -o now.mcap --scans 100 && rerun --bind 127.0.0.1 now.mcap".to_owned()
+        }
+    };
+    let layout = layout_file().map_or_else(
+        |_| "tricurve view --layout > layout.json".to_owned(),
+        |path| path.display().to_string(),
+    );
+    super::print(&format!(
+        "{title}\n  \
+         server      {server}\n  \
+         Foxglove    {foxglove}\n  \
+         Lichtblick  open a connection, Foxglove WebSocket, {server}\n  \
+         Rerun       {rerun}\n  \
+         layout      {layout}\n"
+    ))?;
+    if args.open {
+        let opener = if cfg!(target_os = "macos") {
+            "open"
+        } else {
+            "xdg-open"
+        };
+        let opened = Command::new(opener)
+            .arg(&foxglove)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        if let Err(error) = opened {
+            crate::say!("view: cannot open a browser with {opener}: {error}");
+        }
+    }
+    Ok(())
+}
+
+/// A word for the shell, as a user would write it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@%".contains(c);
+    match word.chars().all(is_plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    }
+}
+
+fn foxglove_url(server: &str) -> String {
+    let escaped = server.replace(':', "%3A").replace('/', "%2F");
+    format!("https://app.foxglove.dev/~/view?ds=foxglove-websocket&ds.url={escaped}")
+}
+
+/// The layout as a file to import, written to the user's cache.
+fn layout_file() -> std::io::Result<PathBuf> {
+    let set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
+    let cache = set("XDG_CACHE_HOME")
+        .map(PathBuf::from)
+        .or_else(|| Some(PathBuf::from(set("HOME")?).join(".cache")));
+    let cache = cache.ok_or(std::io::ErrorKind::NotFound)?;
+    let path = cache.join("tricurve").join("layout.json");
+    if fs::read(&path).is_ok_and(|written| written == LAYOUT.as_bytes()) {
+        return Ok(path);
+    }
+    fs::create_dir_all(cache.join("tricurve"))?;
+    fs::write(&path, LAYOUT)?;
+    Ok(path)
+}
+
+fn end_signal() -> Result<Arc<AtomicBool>, Failure> {
+    let end = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&end))
+            .map_err(|e| Failure::failed(format!("cannot listen to signals: {e}")))?;
+    }
+    Ok(end)
+}
+
+/// What a recording has to show, with a message of each topic.
+fn there_in(recording: &mut Recording) -> Result<There, Failure> {
+    let mut there = There {
+        needs_messages: true,
+        ..There::default()
+    };
+    for (topic, _, schema) in recording.definitions() {
+        let entry = there.topics.entry(topic.to_owned()).or_default();
+        if let Some(schema) = schema {
+            entry.schema = schema.name.clone();
+            entry.encoding = schema.encoding.clone();
+            entry.data = schema.data.clone();
+        }
+    }
+    let names = recording.codec().frames().map(str::to_owned);
+    there.frames = names.collect();
+    // The newest message of each topic: what is said every second is not said with every scan.
+    let mut wanted: BTreeMap<String, ()> = BTreeMap::new();
+    wanted.extend(there.topics.keys().map(|topic| (topic.clone(), ())));
+    let scans: Vec<u64> = recording.scans().rev().collect();
+    for scan in scans {
+        if wanted.is_empty() {
+            break;
+        }
+        let scan = recording
+            .scan_of(scan, |topic| wanted.contains_key(topic))
+            .map_err(Failure::failed)?;
+        for (topic, message) in scan.messages() {
+            if wanted.remove(topic).is_some()
+                && let Some(entry) = there.topics.get_mut(topic)
+            {
+                entry.message = Some(message.to_vec());
+            }
+        }
+        recording.reuse(scan);
+    }
+    Ok(there)
+}
+
+/// What a running graph has to show.
+fn there_of(codec: &Codec, made: &[messages::Kind]) -> There {
+    let channels = codec.channels(true).into_iter();
+    let channels = channels.filter(|channel| match &channel.content {
+        Content::Data(topic) => made.contains(&topic.kind),
+        _ => true,
+    });
+    let topic = |channel: messages::record::Channel| {
+        let topic = Topic {
+            schema: channel.schema.name,
+            encoding: channel.schema.encoding.to_owned(),
+            data: channel.schema.data,
+            message: None,
+        };
+        (channel.name, topic)
+    };
+    There {
+        topics: channels.map(topic).collect(),
+        frames: codec.frames().map(str::to_owned).collect(),
+        needs_messages: false,
+    }
+}
+
+fn checked(args: &Args, there: &There) -> Result<Outcome, Failure> {
+    let checked = layout::check(LAYOUT, there).map_err(Failure::failed)?;
+    let Checked {
+        panels,
+        references,
+        missing,
+        without_truth,
+    } = &checked;
+    if args.json {
+        super::print_json(&checked)?;
+    } else {
+        super::print(&format!(
+            "the layout's {panels} panels name {references} topics, fields and frames: {} missing\n",
+            missing.len()
+        ))?;
+        for missing in missing {
+            crate::say!("view: {missing}");
+        }
+        if !without_truth.is_empty() {
+            crate::say!("view: the source knows no truth: the plots of accuracy stay empty");
+        }
+    }
+    Ok(match missing.is_empty() {
+        true => Outcome::Done,
+        false => Outcome::Lost,
+    })
+}

@@ -1,0 +1,493 @@
+#!/usr/bin/env python3
+"""Look at tricurve as a viewer of another make would, over Foxglove's WebSocket, and misbehave as some do.
+
+usage: viewers.py TRICURVE [FOLDER]
+
+Starts graphs and recordings of the built-in scenes with the program TRICURVE, connects, decodes every topic by what is
+advertised, turns parameters, calls services, seeks, and then sends what no viewer should. Writes into FOLDER (a
+temporary one). Ends with 1 at the first thing that is not as it should be.
+Needs: pip install websockets mcap-protobuf-support
+"""
+import base64, collections, json, os, re, signal, socket, struct, subprocess, sys, tempfile, threading, time
+
+try:
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from websockets.exceptions import WebSocketException
+    from websockets.sync.client import connect
+except ImportError as missing:
+    sys.exit(f'{missing.name} is missing: pip install websockets mcap-protobuf-support')
+
+PROTOCOL = 'foxglove.sdk.v1'
+
+
+def expect(condition, what):
+    if not condition:
+        sys.exit(f'viewers.py: {what}')
+
+
+def opened(address, protocols, **options):
+    """A connection, whatever of the library's versions gives it."""
+    return connect(address, subprotocols=protocols, **options).__enter__()
+
+
+def decoder(channel):
+    """What makes a message of the bytes, by nothing but what the server advertises."""
+    if channel['encoding'] == 'json':
+        json.loads(channel['schema'])
+        return json.loads
+    files = descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel['schema']))
+    pool = descriptor_pool.DescriptorPool()
+    for file in files.file:
+        pool.Add(file)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(channel['schemaName']))
+    return kind.FromString
+
+
+class Viewer:
+    """A client of the WebSocket, with what it has heard."""
+
+    def __init__(self, address):
+        self.socket = opened(address, [PROTOCOL], max_size=None)
+        self.channels, self.services, self.status, self.parameters = {}, {}, [], {}
+        self.graph, self.playback, self.answers, self.info = None, None, {}, None
+        self.messages = []
+        self.times = []
+        self.topics = {}
+
+    def hear(self, seconds=0.05):
+        """Take in one message, if one comes."""
+        try:
+            message = self.socket.recv(timeout=seconds)
+        except TimeoutError:
+            return False
+        if isinstance(message, str):
+            self.told(json.loads(message))
+            return True
+        if message[0] == 1:
+            subscription, nanos = struct.unpack_from('<IQ', message, 1)
+            channel = self.topics[subscription]
+            self.messages.append((channel['topic'], nanos, message[13:], channel))
+        elif message[0] == 2:
+            self.times.append(struct.unpack_from('<Q', message, 1)[0])
+        elif message[0] == 3:
+            service, call, length = struct.unpack_from('<III', message, 1)
+            self.answers[call] = json.loads(message[13 + length:])
+        elif message[0] == 5:
+            status, nanos, speed, sought = struct.unpack_from('<BQfB', message, 1)
+            self.playback = (status, nanos, speed, bool(sought))
+        return True
+
+    def told(self, said):
+        match said['op']:
+            case 'serverInfo':
+                self.info = said
+            case 'advertise':
+                self.channels.update({c['topic']: c for c in said['channels']})
+            case 'advertiseServices':
+                self.services.update({s['name']: s for s in said['services']})
+            case 'parameterValues':
+                self.parameters.update({p['name']: p.get('value') for p in said['parameters']})
+            case 'status':
+                self.status.append(said)
+            case 'connectionGraphUpdate':
+                self.graph = said
+            case 'serviceCallFailure':
+                self.answers[said['callId']] = said
+            case other:
+                expect(other in ('unadvertise', 'removeStatus'), f'an unknown word: {said}')
+
+    def until(self, condition, what, seconds=60):
+        deadline = time.monotonic() + seconds
+        while not condition():
+            expect(time.monotonic() < deadline, f'{what}: not within {seconds} s; {self.status[-3:]}')
+            self.hear()
+
+    def say(self, **words):
+        self.socket.send(json.dumps(words))
+
+    def subscribe(self, topics):
+        for topic in topics:
+            channel = self.channels[topic]
+            channel.setdefault('decode', decoder(channel))
+            self.topics[len(self.topics) + 1] = channel
+            self.say(op='subscribe', subscriptions=[{'id': len(self.topics), 'channelId': channel['id']}])
+
+    def set(self, request, **values):
+        before = len(self.status)
+        parameters = [{'name': name.replace('__', '.'), 'value': value} for name, value in values.items()]
+        self.say(op='setParameters', parameters=parameters, id=request)
+        return before
+
+    def call(self, name, number):
+        service = self.services[name]
+        body = b'{}'
+        self.socket.send(b'\x02' + struct.pack('<III', service['id'], number, 4) + b'json' + body)
+        self.until(lambda: number in self.answers, name)
+        return self.answers.pop(number)
+
+    def play(self, is_playing, speed=1.0, seek=None, request='r'):
+        self.playback = None
+        word = request.encode()
+        self.socket.send(b'\x03' + struct.pack('<BfBQI', 0 if is_playing else 1, speed, seek is not None, seek or 0,
+                                               len(word)) + word)
+        self.until(lambda: self.playback is not None, 'an answer to playback control')
+        return self.playback
+
+    def decoded(self, topic):
+        return [(nanos, c['decode'](data)) for name, nanos, data, c in self.messages if name == topic]
+
+    def close(self):
+        self.socket.close()
+
+
+class Process:
+    """tricurve, with what it says."""
+
+    def __init__(self, *words, cwd):
+        self.child = subprocess.Popen([TRICURVE, *words], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                      text=True)
+        self.said = []
+        self.reader = threading.Thread(target=self.read, daemon=True)
+        self.reader.start()
+
+    def read(self):
+        for line in self.child.stdout:
+            self.said.append(line)
+
+    def address(self):
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            found = re.search(r'ws://\S+', ''.join(self.said))
+            if found:
+                return found.group()
+            expect(self.child.poll() is None, ''.join(self.said))
+            time.sleep(0.05)
+        sys.exit(f'viewers.py: no address: {self.said}')
+
+    def end(self, code=0):
+        if self.child.poll() is None:
+            self.child.send_signal(signal.SIGINT)
+        got = self.child.wait(timeout=120)
+        self.reader.join(timeout=10)
+        expect(got == code, f'ended with {got}, not {code}: {"".join(self.said)}')
+        return ''.join(self.said)
+
+
+def greeted(process):
+    viewer = Viewer(process.address())
+    viewer.until(lambda: viewer.info and viewer.channels, 'a greeting')
+    for _ in range(20):
+        viewer.hear()
+    return viewer
+
+
+def every_topic_is_there(viewer, what):
+    """Subscribe to all, decode all, and hold every message against its scan's time."""
+    viewer.subscribe(sorted(viewer.channels))
+    seen = collections.Counter()
+
+    def complete():
+        while viewer.messages:
+            topic, nanos, data, channel = viewer.messages.pop()
+            message = channel['decode'](data)
+            seen[topic] += 1
+            stamp = getattr(message, 'timestamp', None)
+            if stamp is not None and hasattr(stamp, 'seconds'):
+                expect(stamp.seconds * 10**9 + stamp.nanos == nanos, f'{topic} is stamped otherwise than sent')
+        return set(seen) >= set(viewer.channels)
+    viewer.until(complete, f'{what}: every topic; missing {sorted(set(viewer.channels) - set(seen))}', 90)
+    print(f'{what}: {len(seen)} topics, {sum(seen.values())} messages decoded')
+
+
+def scans_of(viewer, topic, count):
+    viewer.messages.clear()
+    viewer.until(lambda: sum(name == topic for name, *_ in viewer.messages) >= count, f'{count} of {topic}')
+    return [message for _, message in viewer.decoded(topic)]
+
+
+def live(folder):
+    process = Process('run', '--view', '--set', 'bridge.port=0', '--scans', '100000', '--record', 'live.mcap',
+                      '--profile', 'thesis', cwd=folder)
+    viewer = greeted(process)
+    wanted = {'time', 'parameters', 'parametersSubscribe', 'services', 'connectionGraph'}
+    expect(wanted <= set(viewer.info['capabilities']), f'capabilities: {viewer.info["capabilities"]}')
+    every_topic_is_there(viewer, 'live')
+
+    viewer.say(op='subscribeConnectionGraph')
+    viewer.until(lambda: viewer.graph, 'the connection graph')
+    published = {t['name']: t['publisherIds'] for t in viewer.graph['publishedTopics']}
+    expect(published['points'] == ['match'], f'points come from {published["points"]}')
+
+    viewer.say(op='getParameters', parameterNames=[], id='all')
+    viewer.until(lambda: 'match.score' in viewer.parameters, 'parameters')
+    score = viewer.parameters['match.score']
+    before = scans_of(viewer, 'statistics', 6)
+    viewer.set('strict', match__score=0.999)
+    viewer.until(lambda: viewer.parameters['match.score'] == 0.999, 'match.score set')
+    time.sleep(1)
+    after = scans_of(viewer, 'statistics', 9)[3:]
+    mean = lambda scans: sum(s['matches'] for s in scans) / len(scans)
+    expect(mean(after) < 0.7 * mean(before), f'{mean(before)} matches a scan, with a stricter score {mean(after)}')
+    print(f'live: match.score {score} -> 0.999: {mean(before):.0f} -> {mean(after):.0f} matches a scan')
+
+    for values, why in (({'match__score': 7.0}, 'between 0 and 1'), ({'match__score': 'high'}, 'match.score'),
+                        ({'filter__channels': [3.0]}, 'cannot be changed'), ({'no__such': 1.0}, 'no node'),
+                        ({'match__score': None}, '')):
+        count = viewer.set('bad', **values)
+        viewer.until(lambda: len(viewer.status) > count, f'a refusal of {values}')
+        expect(why in viewer.status[-1]['message'], f'{values}: {viewer.status[-1]}')
+    viewer.say(op='getParameters', parameterNames=['match.score'], id='one')
+    for _ in range(20):
+        viewer.hear()
+    expect(viewer.parameters['match.score'] == 0.999, 'a refused value was kept')
+
+    expect('text' in viewer.call('tricurve/pause', 1), 'pause')
+    time.sleep(1)
+    while viewer.hear():
+        pass
+    viewer.messages.clear()
+    time.sleep(1)
+    while viewer.hear():
+        pass
+    expect(not [m for m in viewer.messages if m[0] == 'points'], 'a paused graph sends points')
+    refused = viewer.call('tricurve/snapshot', 2)
+    expect('paused' in refused.get('message', ''), f'a snapshot of a paused graph: {refused}')
+    expect('text' in viewer.call('tricurve/resume', 3), 'resume')
+    scans_of(viewer, 'points', 2)
+    snapshot = viewer.call('tricurve/snapshot', 4)
+    expect(os.path.getsize(os.path.join(folder, snapshot['text'])) > 10000, f'snapshot: {snapshot}')
+    viewer.close()
+    said = process.end()
+    expect('match.score is 0.999 from scan' in said, said)
+    again = subprocess.run([TRICURVE, 'replay', 'live.mcap', '--verify', '--scans', '0..60'], cwd=folder,
+                           capture_output=True, text=True)
+    expect(again.returncode == 0, again.stdout[-500:] + again.stderr[-500:])
+    print('live: services; the recording with its changed parameter verifies')
+
+
+def played(folder):
+    subprocess.run([TRICURVE, 'run', '--scans', '24', '--record', 'play.mcap'], cwd=folder, check=True,
+                   capture_output=True)
+    checked = subprocess.run([TRICURVE, 'view', 'play.mcap', '--check'], cwd=folder, capture_output=True, text=True)
+    expect(checked.returncode == 0, checked.stdout + checked.stderr)
+    print('played:', checked.stdout.strip())
+    process = Process('view', 'play.mcap', '--port', '0', '--start-paused', cwd=folder)
+    viewer = greeted(process)
+    expect('playbackControl' in viewer.info['capabilities'], 'no playback control')
+    start, end = (viewer.info[key]['sec'] * 10**9 + viewer.info[key]['nsec']
+                  for key in ('dataStartTime', 'dataEndTime'))
+    viewer.subscribe(['camera/left/image', 'camera/left/annotations', 'points', 'curves/left/1', 'statistics'])
+    # Paused, the first scan is there at once.
+    viewer.until(lambda: len({m[0] for m in viewer.messages}) == 5, 'the first scan while it is paused')
+    expect({m[1] for m in viewer.messages} == {start}, 'more than the first scan')
+    scans = {}
+    for step in (17, 3, 23, 0):
+        viewer.messages.clear()
+        nanos = start + (end - start) * step // 23 + 1000
+        status, *_ = viewer.play(False, seek=nanos)
+        expect(status == 1, f'sought in while paused, its state is {status}')
+        viewer.until(lambda: len({m[0] for m in viewer.messages}) == 5, f'scan {step} after a seek')
+        expect(len({m[1] for m in viewer.messages}) == 1, f'scan {step} is shown together with others')
+        number = viewer.decoded('statistics')[0][1]['scan']
+        scans[step] = number
+        image = viewer.decoded('camera/left/image')[0][1].timestamp
+        for topic in ('camera/left/annotations', 'points'):
+            expect(viewer.decoded(topic)[0][1].timestamp == image, f'{topic} is of another time than the image')
+    expect(scans == {step: step for step in scans}, f'sought scans: {scans}')
+    viewer.messages.clear()
+    began = time.monotonic()
+    viewer.play(True, speed=0.5, seek=start)
+    viewer.until(lambda: viewer.playback and viewer.playback[0] == 3, 'the end')
+    slow = time.monotonic() - began
+    numbers = [m['scan'] for _, m in viewer.decoded('statistics')]
+    expect(numbers == list(range(24)), f'played: {numbers}')
+    began = time.monotonic()
+    viewer.play(True, speed=2.0, seek=start)
+    viewer.playback = None
+    viewer.until(lambda: viewer.playback and viewer.playback[0] == 3, 'the end')
+    fast = time.monotonic() - began
+    recorded = (end - start) / 1e9
+    expect(abs(slow - 2 * recorded) < 0.5 and abs(fast - recorded / 2) < 0.5, f'{recorded} s took {slow} and {fast} s')
+    print(f'played: {recorded:.2f} s at half the rate {slow:.2f} s, at twice {fast:.2f} s; seeks show one scan')
+    viewer.messages.clear()
+    viewer.play(False, seek=start)
+    every_topic_at_the_end(viewer)
+    viewer.close()
+    process.end()
+    replay = Process('replay', 'play.mcap', '--view', '--set', 'bridge.port=0', '--rate', '1', '--loop', cwd=folder)
+    viewer = greeted(replay)
+    expect('playbackControl' in viewer.info['capabilities'], 'no playback control of a replay')
+    viewer.subscribe(['statistics', 'camera/centre/image'])
+    first = scans_of(viewer, 'statistics', 2)
+    viewer.play(False)
+    time.sleep(2)
+    while viewer.hear():
+        pass
+    viewer.messages.clear()
+    viewer.play(False, seek=start + (end - start) // 2)
+    viewer.until(lambda: viewer.decoded('statistics'), 'the scan that was sought in the replay')
+    nanos, _ = viewer.decoded('statistics')[0]
+    expect(abs(nanos - (start + end) / 2) < (end - start) / 20, 'another scan of the replay than was sought')
+    viewer.play(True, speed=2.0)
+    expect(len(scans_of(viewer, 'statistics', 2)) >= 2, 'it goes on')
+    viewer.close()
+    replay.end()
+    print('replayed: paused, sought in, and played on at another rate')
+
+
+def every_topic_at_the_end(viewer):
+    """What is said every second stands with the last scan too."""
+    viewer.subscribe(sorted(set(viewer.channels) - {c['topic'] for c in viewer.topics.values()}))
+    viewer.play(True, speed=4.0, seek=None)
+    seen = {}
+
+    def complete():
+        for topic, nanos, data, channel in viewer.messages:
+            channel['decode'](data)
+            seen[topic] = True
+        viewer.messages.clear()
+        return set(seen) >= set(viewer.channels)
+    viewer.until(complete, 'every topic of the recording')
+    print(f'played: {len(seen)} topics decoded')
+
+
+def memory(pid):
+    status = open(f'/proc/{pid}/status').read()
+    return int(re.search(r'VmRSS:\s+(\d+)', status).group(1)) / 1024
+
+
+def bridge_of(folder):
+    nodes = subprocess.run([TRICURVE, 'node', '--json', 'list'], cwd=folder, capture_output=True, text=True)
+    if nodes.returncode:
+        nodes = subprocess.run([TRICURVE, 'node', 'list', '--json'], cwd=folder, capture_output=True, text=True)
+    return next(n['pid'] for n in json.loads(nodes.stdout) if n['node'] == 'bridge')
+
+
+def misbehaving(folder):
+    taken = socket.socket()
+    taken.bind(('127.0.0.1', 0))
+    taken.listen()
+    port = taken.getsockname()[1]
+    for words, how in ((['view', 'play.mcap', '--port', str(port)], '--port'),
+                       (['run', '--view', '--no-record', '--scans', '2', '--set', f'bridge.port={port}'], 'bridge.port')):
+        ended = subprocess.run([TRICURVE, *words], cwd=folder, capture_output=True, text=True)
+        expect(ended.returncode == 1 and 'is taken' in ended.stderr and how in ended.stderr, f'{words}: {ended}')
+    print('misbehaving: a port that is taken is told, with what to change')
+
+    process = Process('run', '--view', '--set', 'bridge.port=0', '--scans', '100000', '--no-record', '--profile',
+                      'thesis', cwd=folder)
+    address = process.address()
+    host, port = address.removeprefix('ws://').split(':')
+    good = greeted(process)
+    good.subscribe(['statistics'])
+    scans_of(good, 'statistics', 2)
+    pid = bridge_of(folder)
+    before = memory(pid)
+
+    # Other subprotocols, and none.
+    for protocols in (['foxglove.websocket.v1'], ['nonsense'], None):
+        try:
+            opened(address, protocols).close()
+            sys.exit(f'viewers.py: the subprotocol {protocols} was taken')
+        except WebSocketException as refused:
+            print(f'misbehaving: subprotocol {protocols}: {str(refused)[:60]}')
+    # No WebSocket at all.
+    for words in (b'GET / HTTP/1.1\r\n\r\n', b'\x00' * 100000, b'\x16\x03\x01\x02\x00'):
+        with socket.create_connection((host, int(port))) as raw:
+            raw.settimeout(5)
+            try:
+                raw.sendall(words)
+                raw.recv(1000)
+            except OSError:
+                pass
+    # Garbage, unknown things, and too much of them.
+    bad = Viewer(address)
+    bad.until(lambda: bad.info and bad.channels, 'a greeting')
+    for words in ('', '{', '[]', '{"op":"dance"}', '{"op":"subscribe"}', '"x"', 'null', '\u0000' * 1000,
+                  json.dumps({'op': 'subscribe', 'subscriptions': [{'id': 1, 'channelId': 10**9}]}),
+                  json.dumps({'op': 'subscribe', 'subscriptions': [{'id': -1, 'channelId': 'x'}]}),
+                  json.dumps({'op': 'unsubscribe', 'subscriptionIds': [4, 5, 6]}),
+                  json.dumps({'op': 'setParameters', 'parameters': [{'name': '../../etc/passwd', 'value': '; rm -rf /'}]}),
+                  json.dumps({'op': 'fetchAsset', 'uri': 'file:///etc/passwd', 'requestId': 1}),
+                  json.dumps({'op': 'advertise', 'channels': [{'id': 1, 'topic': 'x', 'encoding': 'json',
+                                                               'schemaName': ''}]})):
+        bad.socket.send(words)
+    for words in (b'', b'\x00', b'\x01', b'\x02\xff\xff\xff\xff', b'\x03' * 9, b'\xff' * 1000, b'\x02' + b'\x00' * 12):
+        bad.socket.send(words)
+    bad.subscribe(['points'])
+    bad.subscribe(['points'])
+    bad.until(lambda: any(m[0] == 'points' for m in bad.messages), 'points in spite of garbage')
+    try:
+        bad.socket.send(b'\x01' * (80 << 20))
+    except (WebSocketException, OSError):
+        pass
+    try:
+        bad.close()
+    except (WebSocketException, OSError):
+        pass
+    flood = Viewer(address)
+    flood.until(lambda: flood.info, 'a greeting')
+    for number in range(3000):
+        flood.set(f'{number}', match__score=0.4 + 0.1 * (number % 2))
+    flood.close()
+    scans_of(good, 'statistics', 2)
+    print(f'misbehaving: garbage, unknown ids, a huge message and 3000 parameters; memory {before:.0f} -> '
+          f'{memory(pid):.0f} MB')
+
+    # Many that come and go.
+    for _ in range(5):
+        crowd = [Viewer(address) for _ in range(10)]
+        for one in crowd:
+            one.until(lambda: one.channels, 'a greeting')
+            one.subscribe(['camera/left/image', 'points'])
+        for one in crowd:
+            one.socket.socket.shutdown(socket.SHUT_RDWR)
+    scans_of(good, 'statistics', 2)
+    print(f'misbehaving: 50 viewers that vanish; memory {memory(pid):.0f} MB')
+
+    # One that stands still.
+    still = subprocess.Popen([sys.executable, __file__, '--stare', address], stdout=subprocess.PIPE, text=True)
+    still.stdout.readline()
+    still.send_signal(signal.SIGSTOP)
+    good.messages.clear()
+    began, most = time.monotonic(), 0
+    while time.monotonic() - began < STILL:
+        good.hear()
+        most = max(most, memory(pid))
+    count = len(good.decoded('statistics'))
+    still.kill()
+    still.wait()
+    expect(count > STILL, f'{count} scans in {STILL} s beside a viewer that stands still')
+    expect(most < 400, f'{most:.0f} MB beside a viewer that stands still')
+    good.close()
+    said = process.end()
+    expect('too slow' in said and 'balanced' in said, said)
+    missed = re.search(r'(\d+) missed', said)
+    expect(missed and int(missed.group(1)) > 0, said)
+    print(f'misbehaving: a viewer stopped for {STILL} s: {count} scans for the other one, {missed.group(1)} missed, '
+          f'at most {most:.0f} MB')
+
+
+def stare(address):
+    viewer = Viewer(address)
+    viewer.until(lambda: viewer.channels, 'a greeting')
+    viewer.subscribe(sorted(viewer.channels))
+    viewer.until(lambda: viewer.messages, 'something')
+    print('staring', flush=True)
+    while True:
+        viewer.hear()
+
+
+if __name__ == '__main__':
+    if sys.argv[1:2] == ['--stare']:
+        stare(sys.argv[2])
+    if len(sys.argv) not in (2, 3):
+        sys.exit(__doc__)
+    TRICURVE = os.path.abspath(sys.argv[1])
+    STILL = float(os.environ.get('STILL_SECONDS', '15'))
+    with tempfile.TemporaryDirectory() as folder:
+        folder = sys.argv[2] if len(sys.argv) == 3 else folder
+        live(folder)
+        played(folder)
+        misbehaving(folder)
+    print('viewers.py: all is as it should be')
