@@ -51,6 +51,8 @@ pub(crate) enum Command {
     Topic(TopicArgs),
     /// List the nodes of a graph that runs, or restart one
     Node(NodeArgs),
+    /// List the parameters of a graph that runs, or set them otherwise: from the next scan on
+    Param(ParamArgs),
     /// Check a graph file, and print the configuration it amounts to
     Validate(GraphFile),
     /// Print a graph as a Mermaid diagram
@@ -580,6 +582,35 @@ fn rate(text: &str) -> Result<f64, String> {
 /// Seconds of recorded time.
 fn offset(text: &str) -> Result<f64, String> {
     number(text, 0.0, 1e9)
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ParamArgs {
+    #[command(subcommand)]
+    pub(crate) command: ParamCommand,
+    /// Which run, by its name or the beginning of it; not needed when only one is alive
+    #[arg(long, value_name = "NAME", global = true)]
+    pub(crate) run: Option<String>,
+    /// Print as JSON
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum ParamCommand {
+    /// All parameters: value, range, meaning
+    List,
+    /// The value of one
+    Get {
+        /// As match.score
+        name: String,
+    },
+    /// Set some, all or none of them; it is told from which scan on they hold
+    Set {
+        /// As match.score=0.6, or track.high=automatic
+        #[arg(required = true, value_name = "NODE.KEY=VALUE")]
+        values: Vec<String>,
+    },
 }
 
 #[derive(Debug, Args)]

@@ -7,6 +7,7 @@ mod export;
 mod graph;
 mod info;
 mod node;
+mod param;
 mod record;
 mod replay;
 mod report;
@@ -38,6 +39,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Report(args) => report::run(&args),
         Command::Topic(args) => topic::run(&args),
         Command::Node(args) => node::run(&args),
+        Command::Param(args) => param::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Graph(args) => graph::run(&args),
         Command::Clean => clean::run(),

@@ -385,6 +385,16 @@ pub(crate) fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), Strin
     })
 }
 
+/// A value as on the command line: what is no TOML is taken for a text.
+pub(crate) fn parsed(value: &str) -> Value {
+    let parsed = format!("v = {value}").parse::<toml::Table>().ok();
+    let parsed = parsed
+        .and_then(|mut table| table.remove("v"))
+        .filter(|_| !value.contains('\n'));
+    let parsed = parsed.and_then(|value| serde_json::to_value(value).ok());
+    parsed.unwrap_or_else(|| value.into())
+}
+
 /// What the command line changes in a graph file.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Overrides {
@@ -406,16 +416,7 @@ impl Overrides {
                     "--set expects node.key=value, not {line:?}"
                 )));
             };
-            let parsed = format!("v = {value}").parse::<toml::Table>().ok();
-            let parsed = parsed
-                .and_then(|mut table| table.remove("v"))
-                .filter(|_| !value.contains('\n'));
-            let parsed = parsed.and_then(|value| serde_json::to_value(value).ok());
-            overrides.set(
-                node.trim(),
-                key.trim(),
-                parsed.unwrap_or_else(|| value.into()),
-            );
+            overrides.set(node.trim(), key.trim(), parsed(value));
         }
         Ok(overrides)
     }

@@ -409,8 +409,8 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             Ok(changes) => changes,
             Err(why) => return Some(Answer::Refused { why }),
         };
-        let source = &self.nodes[0];
-        if !source.has_begun || source.has_finished {
+        let has_begun = self.nodes.iter().any(|node| node.has_begun);
+        if !has_begun || self.nodes[0].has_finished {
             let why = "no scan will come that it could hold for".to_owned();
             return Some(Answer::Refused { why });
         }
@@ -448,6 +448,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             change.from = admitted;
         }
         let changes = std::mem::take(&mut pending.changes);
+        let before = self.duty.changes.len();
         self.duty.changes.extend(changes.iter().cloned());
         // A node that starts from now on reads them there.
         let written = bus::write_changes(self.duty.folder, &self.duty.changes);
@@ -459,6 +460,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         for (place, node) in self.nodes.iter_mut().enumerate() {
             if !node.has_finished {
                 node.tell(&Command::Change {
+                    before,
                     changes: changes.clone(),
                 });
                 waiting.push(place);

@@ -588,8 +588,10 @@ impl Bus {
                 Command::Play { play } => self.waiting.push_back(Request::Play(play)),
                 Command::Hold => self.waiting.push_back(Request::Hold),
                 Command::Go => self.waiting.push_back(Request::Go),
-                Command::Change { changes } => {
+                Command::Change { before, changes } => {
                     let mut noted = self.changes.borrow_mut();
+                    // Who has just started may have read them already.
+                    noted.truncate(before);
                     noted.extend(changes);
                     control::say(&Event::Changed { count: noted.len() });
                 }

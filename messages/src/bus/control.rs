@@ -35,6 +35,8 @@ pub enum Command {
     Go,
     /// Settings hold otherwise from a scan on that is not let in yet: note it, and answer [`Event::Changed`].
     Change {
+        /// How many there were before.
+        before: usize,
         /// Which.
         changes: Vec<Change>,
     },

@@ -44,10 +44,24 @@ pub struct Live<'a> {
 
 /// How often it is looked who listens, how things stand and what is said, while nobody is subscribed to a scan's topics.
 const IDLE: Duration = Duration::from_millis(200);
+/// How long the source may take to say how it plays.
+const SOURCE_PATIENCE: Duration = Duration::from_secs(10);
 /// Lines that are kept for who comes later.
 const MOST_SAID: usize = 200;
 /// How often viewers are told how things stand.
 const STATE_EVERY: Duration = Duration::from_secs(1);
+
+/// How things stand, as soon as the source has said how it plays: what is offered depends on it.
+fn known_state(run: &Run) -> State {
+    let deadline = Instant::now() + SOURCE_PATIENCE;
+    loop {
+        let state = state_of(run).unwrap_or_default();
+        if state.playing.is_some() || Instant::now() > deadline {
+            return state;
+        }
+        std::thread::sleep(LOOK_EVERY);
+    }
+}
 
 /// How things stand, as the launcher says.
 fn state_of(run: &Run) -> Option<State> {
@@ -157,7 +171,7 @@ impl<'a> Viewing<'a> {
             Content::Data(topic) => made.contains(&topic.kind),
             _ => true,
         });
-        let state = state_of(run).unwrap_or_default();
+        let state = known_state(run);
         let offered = |channel: &Channel| Offered {
             topic: channel.name.clone(),
             encoding: channel.schema.message_encoding().to_owned(),

@@ -41,6 +41,11 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), LiveE
         }
     }
     let (missed, offered) = viewing.missed();
+    if missed > 0 {
+        let text =
+            format!("viewers did not get {missed} of {offered} scans whole: they were too slow");
+        bus.log(Level::Warn, text);
+    }
     bus.finish(&[("offered", offered), ("missed", missed)]);
     Ok(())
 }

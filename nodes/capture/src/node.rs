@@ -42,10 +42,10 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
     };
     let is_live = bus.run().delivery == Delivery::Live;
     let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
-    bus.ready()?;
-    let mut began = Instant::now();
     let (mut pause, mut is_held) = (Pause::default(), false);
     bus.playing(pause.playing());
+    bus.ready()?;
+    let mut began = Instant::now();
     let ticks_before = capture.gate.door().next_tick();
     loop {
         let is_over = is_draining || failed.is_some() || capture.gate.door().next_tick() >= total;

@@ -51,15 +51,14 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Repla
         recording,
     };
     let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
+    let clock = || {
+        let (now, next) = (Instant::now(), replay.next_nanos());
+        Clock::new(settings.rate, settings.paused, now, next)
+    };
+    bus.playing(replay.playing(&clock()));
     bus.ready()?;
-    let mut clock = Clock::new(
-        settings.rate,
-        settings.paused,
-        Instant::now(),
-        replay.next_nanos(),
-    );
+    let mut clock = clock();
     let mut is_held = false;
-    bus.playing(replay.playing(&clock));
     loop {
         let tick = replay.gate.door().next_tick();
         let is_over = is_draining || failed.is_some() || total.is_some_and(|total| tick >= total);

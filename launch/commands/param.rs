@@ -1,0 +1,99 @@
+//! `tricurve param`: the parameters of a graph that runs.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use messages::bus::{Answer, Ask, Parameter, State, ask};
+use messages::change::shown;
+use serde_json::Value;
+
+use crate::cli::{ParamArgs, ParamCommand};
+use crate::graph::parsed;
+use crate::running::Running;
+use crate::{Failure, Outcome};
+
+pub(crate) fn run(args: &ParamArgs) -> Result<Outcome, Failure> {
+    let running = Running::choose(args.run.as_deref())?;
+    match &args.command {
+        ParamCommand::List => list(&state(&running)?.parameters, args.json)?,
+        ParamCommand::Get { name } => get(&state(&running)?.parameters, name, args.json)?,
+        ParamCommand::Set { values } => set(&running, values)?,
+    }
+    Ok(Outcome::Done)
+}
+
+fn answer(running: &Running, what: &Ask) -> Result<Answer, Failure> {
+    ask(&running.folder, what).map_err(|error| {
+        let name = running.name();
+        Failure::failed(format!("the launcher of {name} does not answer: {error}"))
+    })
+}
+
+fn state(running: &Running) -> Result<State, Failure> {
+    match answer(running, &Ask::State)? {
+        Answer::State(state) => Ok(*state),
+        Answer::Refused { why } => Err(Failure::failed(why)),
+        Answer::Done { text } => Err(Failure::failed(format!("it answers {text:?}"))),
+    }
+}
+
+fn list(parameters: &[Parameter], json: bool) -> Result<(), Failure> {
+    if json {
+        return super::print_json(&parameters);
+    }
+    let mut text = String::new();
+    for Parameter {
+        name,
+        value,
+        about,
+        range,
+    } in parameters
+    {
+        let range = range.map_or(String::new(), |(least, most)| format!("{least} to {most}"));
+        let about = beginning(about);
+        let value = shown(value);
+        writeln!(text, "{name:<26} {value:<14} {range:<16} {about}").unwrap_or_default();
+    }
+    super::print(&text)
+}
+
+/// The beginning of a text, at most a line's rest.
+fn beginning(text: &str) -> String {
+    const MOST: usize = 72;
+    match text.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}…", text[..end].trim_end()),
+        None => text.to_owned(),
+    }
+}
+
+fn get(parameters: &[Parameter], name: &str, json: bool) -> Result<(), Failure> {
+    let found = parameters.iter().find(|parameter| parameter.name == name);
+    let Some(parameter) = found else {
+        let known = parameters.iter().map(|parameter| parameter.name.as_str());
+        let near = messages::settings::nearest(name, known);
+        let near = near.map_or(String::new(), |near| format!("; do you mean {near}?"));
+        let text = format!("there is no parameter {name}{near}");
+        return Err(Failure::usage(text));
+    };
+    match json {
+        true => super::print_json(parameter),
+        false => super::print(&format!("{}\n", shown(&parameter.value))),
+    }
+}
+
+fn set(running: &Running, values: &[String]) -> Result<(), Failure> {
+    let mut set = BTreeMap::new();
+    for value in values {
+        let Some((name, value)) = value.split_once('=') else {
+            let text = format!("param set expects node.key=value, not {value:?}");
+            return Err(Failure::usage(text));
+        };
+        let value: Value = parsed(value);
+        set.insert(name.trim().to_owned(), value);
+    }
+    match answer(running, &Ask::Set { values: set })? {
+        Answer::Done { text } => super::print(&format!("{text}\n")),
+        Answer::Refused { why } => Err(Failure::usage(why)),
+        Answer::State(_) => Ok(()),
+    }
+}

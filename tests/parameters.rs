@@ -1,0 +1,185 @@
+//! Parameters that are set while a graph runs: from which scan on they hold, and that a recording says so.
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+mod harness;
+
+use std::process::Child;
+
+use harness::{Ran, World, signal, wait_until};
+use messages::recording::Recording;
+use serde_json::Value;
+
+/// Starts a graph that records until it is told to stop, and waits until scans are done.
+fn graph(world: &World) -> Child {
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let run = [
+        "run", "--source", &source, "--scans", "1000000", "--record", "x.mcap", "--json",
+    ];
+    let child = world.start(&run);
+    wait_until("scans are recorded", || {
+        harness::bytes_of(&world.path("x.mcap")) > 4_000_000
+    });
+    child
+}
+
+/// Sets a parameter, and says from which scan on it holds.
+fn set(world: &World, what: &str) -> u64 {
+    let said = world.run(&["param", "set", what]).done().out;
+    let from = said.trim().strip_prefix("it holds from scan ").unwrap();
+    from.strip_suffix(" on").unwrap().parse().unwrap()
+}
+
+fn end(graph: Child) -> Ran {
+    signal(graph.id(), "INT");
+    Ran::new(graph.wait_with_output().unwrap()).done()
+}
+
+/// Matches of all channels in a scan of a recording, as its statistics say.
+fn matches(world: &World, name: &str, scans: std::ops::Range<u64>) -> Vec<u64> {
+    let mut recording = Recording::open(&world.path(name)).unwrap();
+    let count = |scan| {
+        let scan = recording
+            .scan_of(scan, |topic| topic == "statistics")
+            .unwrap();
+        let statistics: Value =
+            serde_json::from_slice(scan.message("statistics").unwrap()).unwrap();
+        statistics["matches"].as_u64().unwrap()
+    };
+    scans.map(count).collect()
+}
+
+fn wait_for_more(world: &World) {
+    let before = harness::bytes_of(&world.path("x.mcap"));
+    wait_until("more scans are recorded", || {
+        harness::bytes_of(&world.path("x.mcap")) > before + 4_000_000
+    });
+}
+
+#[test]
+fn a_parameter_holds_from_one_scan_on_and_the_recording_verifies() {
+    let world = World::new();
+    let graph = graph(&world);
+    let points = world.run(&["param", "get", "track.min_points"]).done().out;
+    let from = set(&world, "track.min_points=60");
+    wait_for_more(&world);
+    let back = set(&world, &format!("track.min_points={}", points.trim()));
+    wait_for_more(&world);
+    end(graph);
+    assert!(0 < from && from < back, "{from} {back}");
+    let all = matches(&world, "x.mcap", 0..back + 1);
+    let (before, between) = all.split_at(from as usize);
+    // The scene stands still: every scan of a setting has the same matches.
+    assert!(
+        before.iter().all(|count| count == &before[0] && *count > 0),
+        "{all:?}"
+    );
+    let (between, after) = between.split_at((back - from) as usize);
+    assert!(between.iter().all(|count| count < &before[0]), "{all:?}");
+    assert_eq!(after[0], before[0]);
+    let changes = Recording::open(&world.path("x.mcap")).unwrap().changes();
+    assert_eq!(
+        changes.iter().map(|c| c.from).collect::<Vec<_>>(),
+        [from, back]
+    );
+    let verify = ["replay", "x.mcap", "--verify", "--json"];
+    assert_eq!(world.run(&verify).done().json()["verified"]["equal"], true);
+    // From a scan in the middle too, and of a part of it.
+    let middle = format!("{}..{}", from.saturating_sub(2), back + 2);
+    for stage in ["filter", "match"] {
+        let verify = [
+            "replay", "x.mcap", "--from", stage, "--scans", &middle, "--verify", "--json",
+        ];
+        assert_eq!(world.run(&verify).done().json()["verified"]["equal"], true);
+    }
+    let split = ["split", "x.mcap", "--scans", "40", "-o", "parts.mcap"];
+    world.run(&split).done();
+    let verify = ["replay", "parts.mcap", "--verify", "--json"];
+    assert_eq!(world.run(&verify).done().json()["verified"]["equal"], true);
+    let cut = format!("{from}..{back}");
+    // What is set on the command line holds throughout.
+    let points = format!("track.min_points={}", points.trim());
+    let replay = [
+        "replay", "x.mcap", "--scans", &cut, "--set", &points, "--record", "y.mcap",
+    ];
+    world.run(&replay).done();
+    assert_eq!(matches(&world, "y.mcap", 0..1), [before[0]]);
+    let error = world.run(&["replay", "x.mcap", "--loop"]);
+    assert_eq!(error.code, Some(2), "{error:?}");
+    assert!(
+        error.err.contains("cannot be played in a loop"),
+        "{error:?}"
+    );
+}
+
+#[test]
+fn nodes_that_die_know_what_was_changed_when_they_come_back() {
+    let world = World::new();
+    let graph = graph(&world);
+    for (node, what) in [
+        ("match", "match.score=1.0"),
+        ("capture", "track.length=12"),
+        ("record", "match.score=0.5"),
+        ("track", "match.score=0.9"),
+    ] {
+        let nodes = world.nodes();
+        let (_, pid) = nodes.iter().find(|(name, _)| name == node).unwrap();
+        signal(*pid, "KILL");
+        let what = match what.starts_with("track") {
+            true => parameter_of_track(&world),
+            false => what.to_owned(),
+        };
+        set(&world, &what);
+        wait_until("the node is back", || world.nodes().len() == 6);
+    }
+    wait_until("another part is recorded", || {
+        harness::bytes_of(&world.path("x.1.mcap")) > 4_000_000
+    });
+    end(graph);
+    let recording = Recording::open(&world.path("x.mcap")).unwrap();
+    assert_eq!(recording.changes().len(), 4);
+    let verify = ["replay", "x.mcap", "--verify", "--json"];
+    assert_eq!(world.run(&verify).done().json()["verified"]["equal"], true);
+}
+
+/// A setting of track that takes a number, one more than it is.
+fn parameter_of_track(world: &World) -> String {
+    let list = world.run(&["param", "list", "--json"]).done().json();
+    let is_count = |p: &&Value| {
+        p["name"].as_str().unwrap().starts_with("track.") && p["value"].as_u64().is_some()
+    };
+    let parameters = list.as_array().unwrap();
+    let parameter = parameters.iter().find(is_count).unwrap();
+    let name = parameter["name"].as_str().unwrap();
+    format!("{name}={}", parameter["value"].as_u64().unwrap() + 1)
+}
+
+#[test]
+fn what_cannot_be_set_is_refused_and_the_old_value_stays() {
+    let world = World::new();
+    let graph = graph(&world);
+    let score = || world.run(&["param", "get", "match.score"]).done().out;
+    let before = score();
+    for (what, why) in [
+        ("match.score=9", "must lie between 0 and 1, not 9"),
+        ("match.score=high", "match.score: invalid type"),
+        ("match.scor=0.5", "do you mean match.score?"),
+        (
+            "filter.channels=[3.0]",
+            "cannot be changed while the graph runs",
+        ),
+        (
+            "record.file=/etc/passwd",
+            "cannot be changed while the graph runs",
+        ),
+        ("score", "expects node.key=value"),
+    ] {
+        let refused = world.run(&["param", "set", what]);
+        assert_eq!(refused.code, Some(2), "{refused:?}");
+        assert!(refused.err.contains(why), "{what}: {refused:?}");
+    }
+    assert_eq!(score(), before);
+    let said = world.run(&["param", "set", &format!("match.score={}", before.trim())]);
+    assert_eq!(said.done().out, "it is so already\n");
+    end(graph);
+}
