@@ -322,7 +322,8 @@ pub(crate) struct Replay {
 pub(crate) struct Info {
     /// The recording; its further parts are found by their names
     pub(crate) file: PathBuf,
-    /// Exit with 3 unless it is complete, every scan is whole, cameras are known and the ledger balances
+    /// Read all of it, and exit with 3 unless it is complete and undamaged, every scan is whole, cameras are known and the
+    /// ledger balances
     #[arg(long)]
     pub(crate) check: bool,
     /// Print it as JSON

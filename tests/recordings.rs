@@ -60,6 +60,9 @@ fn a_damaged_chunk_costs_its_scan_and_no_other() {
         *byte ^= 0x5a;
     }
     std::fs::write(world.path("bad.mcap"), &bytes).unwrap();
+    let check = world.run(&["info", "bad.mcap", "--check"]);
+    assert_eq!(check.code, Some(3), "{check:?}");
+    assert!(check.err.contains("bytes are damaged"), "{check:?}");
     let ran = world.run(&["recover", "bad.mcap", "-o", "y.mcap", "--json"]);
     assert_eq!(ran.code, Some(3), "{ran:?}");
     assert_eq!(ran.json()["whole"], 4, "{ran:?}");

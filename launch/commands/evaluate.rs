@@ -47,12 +47,16 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         bar.finish_and_clear();
     }
     let scenes = good(&scenes, results, &mut skipped)?;
+    let is_lost = skipped.iter().any(|skipped| skipped.is_lost);
     let report = Report::new(&graph, &methods, scenes, skipped)?;
     match args.json {
         true => super::print_json(&report)?,
         false => super::print(&text::of(&report))?,
     }
-    Ok(Outcome::Done)
+    Ok(match is_lost {
+        false => Outcome::Done,
+        true => Outcome::Lost,
+    })
 }
 
 /// Does something for every scene, on all cores; results come in the order of the scenes.
@@ -96,6 +100,7 @@ pub(crate) fn good<T>(
                 name: scene.name.clone(),
                 why: failure.text,
                 is_wrong_use: false,
+                is_lost: true,
             }),
         }
     }

@@ -28,6 +28,9 @@ pub(crate) struct Skipped {
     /// Whether it was asked for in a way that cannot be.
     #[serde(skip)]
     pub(crate) is_wrong_use: bool,
+    /// Whether there is something that could not be read.
+    #[serde(skip)]
+    pub(crate) is_lost: bool,
 }
 
 impl Scene {
@@ -76,6 +79,7 @@ pub(crate) fn with_truth(
                 name: scene.name.clone(),
                 why: scene.lacks_truth(),
                 is_wrong_use: false,
+                is_lost: false,
             });
         }
         is_known
@@ -137,6 +141,7 @@ fn all(graph: &Graph, sources: &[String]) -> (Vec<Scene>, Vec<Skipped>) {
             Err(error) => skipped.push(Skipped {
                 name: name(&spec),
                 is_wrong_use: error.outcome == Outcome::Usage,
+                is_lost: error.outcome != Outcome::Usage,
                 why: error.text,
             }),
         }
