@@ -133,7 +133,7 @@ mod tests {
 
     #[test]
     fn a_value_is_checked_against_its_range_and_its_type() {
-        let changes = set("match.score", json!(0.5)).unwrap();
+        let changes = set("match.score", json!(0.6)).unwrap();
         assert_eq!(changes[0].key, "score");
         let error = set("match.score", json!(7)).unwrap_err();
         assert!(error.contains("must lie between"), "{error}");
