@@ -11,8 +11,9 @@ use serde_json::Value;
 /// The layout, as Foxglove imports it.
 pub(crate) const LAYOUT: &str = include_str!("layout.json");
 
-/// Topics that only sources with a truth have.
-const NEED_TRUTH: [&str; 1] = ["evaluation"];
+/// The topic that only sources with a truth have, and the node that makes it.
+const NEED_TRUTH: &str = "evaluation";
+const NEEDS_TRUTH: &str = "nodes.evaluate.";
 
 /// What a panel names.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -125,8 +126,8 @@ pub(crate) fn check(layout: &str, there: &There) -> Result<Checked, String> {
             continue;
         };
         let sentence = format!("{} shows {what}", reference.panel);
-        let is_truth = NEED_TRUTH.contains(&reference.name.as_str())
-            && !there.topics.contains_key(&reference.name);
+        let is_truth = !there.topics.contains_key(NEED_TRUTH)
+            && (reference.name == NEED_TRUTH || reference.field.contains(NEEDS_TRUTH));
         match is_truth {
             true => checked.without_truth.push(sentence),
             false => checked.missing.push(sentence),

@@ -55,7 +55,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     bus.ready()?;
     let recorded = record(bus, &mut recorder, &mut scans, &mut heard);
     // Whatever has happened, what was handed to the writer is written, and the file gets its end.
-    let finished = recorder.finish(recorded.as_ref().ok().and_then(Option::as_ref));
+    let finished = recorder.finish(bus, recorded.as_ref().ok().and_then(Option::as_ref));
     recorded?;
     bus.finish(&[("bytes", finished?.bytes)]);
     Ok(())
@@ -260,6 +260,7 @@ impl Recorder {
                 .nodes
                 .insert(bus.name().to_owned(), bus.report(&[]).topics);
             self.encoder.ledger(&self.ledger, &mut batch);
+            self.health.hear(&Event::Report(bus.report(&[])));
             self.encoder
                 .health(self.health.say(Instant::now()), &mut batch);
         }
@@ -270,7 +271,7 @@ impl Recorder {
 
     /// Hands to the writer what was said since the last scan and how the run's ledger came out, and finishes the
     /// recording.
-    fn finish(mut self, ledger: Option<&Ledger>) -> Result<Written, WriteError> {
+    fn finish(mut self, bus: &Bus, ledger: Option<&Ledger>) -> Result<Written, WriteError> {
         if let Some((sequence, nanos)) = self.last {
             let mut batch = self.spare.pop().unwrap_or_default();
             batch.close(sequence, nanos);
@@ -278,6 +279,7 @@ impl Recorder {
             if let Some(ledger) = ledger {
                 self.encoder.ledger(ledger, &mut batch);
             }
+            self.health.hear(&Event::Report(bus.report(&[])));
             self.encoder
                 .health(self.health.say(Instant::now()), &mut batch);
             self.thread.write(batch);

@@ -1,0 +1,139 @@
+//! Recordings and running graphs for viewers, as far as it needs no viewer; `tests/viewers.py` is one.
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+mod harness;
+
+use std::io::{BufRead as _, BufReader};
+use std::net::{TcpListener, TcpStream};
+
+use harness::{Ran, World, signal, wait_until};
+
+#[test]
+fn a_recording_has_all_that_the_layout_shows_and_so_has_a_running_graph() {
+    let world = World::recorded("4");
+    let check = world.run(&["view", "x.mcap", "--check", "--json"]).done();
+    assert_eq!(check.json()["missing"], serde_json::json!([]), "{check:?}");
+    // A folder of images knows no truth.
+    assert_eq!(check.json()["without_truth"].as_array().unwrap().len(), 4);
+    let scene = world.path("scene").to_string_lossy().into_owned();
+    let run = [
+        "run",
+        "--source",
+        &scene,
+        "--scans",
+        "1000000",
+        "--no-record",
+    ];
+    let graph = world.start(&run);
+    wait_until("the graph runs", || world.nodes().len() == 5);
+    let check = world.run(&["view", "--check", "--json"]).done();
+    assert_eq!(check.json()["missing"], serde_json::json!([]), "{check:?}");
+    signal(graph.id(), "INT");
+    Ran::new(graph.wait_with_output().unwrap()).done();
+}
+
+#[test]
+fn what_the_layout_shows_and_a_recording_lacks_is_told_by_panel_and_topic() {
+    let world = World::recorded("3");
+    let without = [
+        "filter",
+        "x.mcap",
+        "--topics",
+        "camera/*,health,log",
+        "-o",
+        "y.mcap",
+    ];
+    world.run(&without).done();
+    let check = world.run(&["view", "y.mcap", "--check"]);
+    assert_eq!(check.code, Some(3), "{check:?}");
+    for missing in [
+        "3D!space shows the topic points",
+        "Image!disparity shows the topic disparity/picture",
+        "Plot!latency shows the topic statistics",
+    ] {
+        assert!(check.err.contains(missing), "{missing}: {check:?}");
+    }
+    assert!(!check.err.contains("camera/left/annotations"), "{check:?}");
+}
+
+#[test]
+fn a_port_that_is_taken_is_told_with_what_to_change() {
+    let world = World::recorded("2");
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let view = world.run(&["view", "x.mcap", "--port", &port]);
+    assert_eq!(view.code, Some(1), "{view:?}");
+    assert!(
+        view.err
+            .contains(&format!("port {port} of 127.0.0.1 is taken")),
+        "{view:?}"
+    );
+    assert!(view.err.contains("--port"), "{view:?}");
+    let scene = world.path("scene").to_string_lossy().into_owned();
+    let set = format!("bridge.port={port}");
+    let run = [
+        "run",
+        "--source",
+        &scene,
+        "--no-record",
+        "--view",
+        "--set",
+        &set,
+    ];
+    let run = world.run(&run);
+    assert_eq!(run.code, Some(1), "{run:?}");
+    assert!(
+        run.err.contains("is taken") && run.err.contains("bridge.port"),
+        "{run:?}"
+    );
+    assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
+}
+
+#[test]
+fn a_view_listens_until_it_is_told_to_end() {
+    let world = World::recorded("2");
+    let mut view = world.start(&["view", "x.mcap", "--port", "0"]);
+    let lines = BufReader::new(view.stdout.take().unwrap()).lines();
+    let server = lines
+        .map_while(Result::ok)
+        .find_map(|line| Some(line.trim().strip_prefix("server")?.trim().to_owned()))
+        .unwrap();
+    let address = server.strip_prefix("ws://").unwrap();
+    assert!(address.starts_with("127.0.0.1:"), "{address}");
+    TcpStream::connect(address).unwrap();
+    signal(view.id(), "INT");
+    assert!(view.wait().unwrap().success());
+}
+
+#[test]
+fn a_run_goes_on_without_its_bridge_and_comes_back_with_one() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let run = [
+        "run",
+        "--source",
+        &source,
+        "--scans",
+        "1000000",
+        "--no-record",
+        "--view",
+        "--set",
+        "bridge.port=0",
+        "--json",
+    ];
+    let graph = world.start(&run);
+    let bridge = || world.nodes().into_iter().find(|(name, _)| name == "bridge");
+    wait_until("the bridge is there", || world.nodes().len() == 6);
+    let hears = ["topic", "echo", "points", "--count", "1"];
+    world.run(&hears).done();
+    let (_, before) = bridge().unwrap();
+    signal(before, "KILL");
+    wait_until("another bridge is there", || {
+        bridge().is_some_and(|(_, now)| now != before)
+    });
+    world.run(&hears).done();
+    signal(graph.id(), "INT");
+    let ran = Ran::new(graph.wait_with_output().unwrap()).done();
+    assert_eq!(ran.json()["balanced"], true, "{ran:?}");
+}
