@@ -103,7 +103,8 @@ fn recorded(settings: &Value) -> Vec<Kind> {
 fn verified(settings: &Value) -> Vec<Kind> {
     let settings = parse::<replay::verify::Settings>(settings).unwrap_or_default();
     let mut kinds = Kind::ALL.to_vec();
-    kinds.retain(|kind| !replay::replayed_kinds(settings.from).contains(kind));
+    let played = replay::replayed_kinds(settings.from);
+    kinds.retain(|kind| !played.contains(kind) && !settings.without.contains(kind));
     kinds
 }
 

@@ -36,7 +36,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     check_cut(&source, from, &stages).map_err(Failure::failed)?;
     let (first, end) = range(args, &source);
     let recorded = &source.metadata().configuration;
+    let not_recorded = not_recorded(&source, &stages);
     let mut graph = graph(args, &stages, first, end, &path, recorded)?;
+    graph.fill_in("verify", "without", json!(not_recorded));
     let is_other = |name: &str, key: &str| {
         let then = recorded.get(name).and_then(|table| table.get(key));
         graph.has(name) && graph.settings_of(name).get(key) != then
@@ -102,7 +104,12 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let verified = args.verify.then(|| {
         let found = std::fs::read(dir.path().join(Findings::FILE)).unwrap_or_default();
         let findings = serde_json::from_slice(&found).unwrap_or_default();
-        Verified::new(findings, ran.ledger.done, &replayed_kinds(from))
+        Verified::new(
+            findings,
+            ran.ledger.done,
+            &replayed_kinds(from),
+            &not_recorded,
+        )
     });
     let outcome = match (&verified, ran.outcome) {
         (Some(verified), Outcome::Done) if !verified.equal => Outcome::Lost,
@@ -177,16 +184,25 @@ fn range(args: &Args, source: &Recording) -> (u64, Option<u64>) {
 
 /// The kinds of message before the cut of which the recording holds nothing.
 fn not_held(source: &Recording, from: Stage) -> Vec<Kind> {
-    let channels = source.channels();
-    let is_held = |kind: &Kind| {
-        let topics = Topic::of(&source.metadata().rig, *kind);
-        topics
-            .iter()
-            .any(|topic| channels.contains_key(&*topic.name))
-    };
     let mut kinds = replayed_kinds(from);
-    kinds.retain(|kind| !is_held(kind));
+    kinds.retain(|kind| !is_held(source, *kind));
     kinds
+}
+
+/// The kinds of message that these stages make and the recording holds nothing of.
+fn not_recorded(source: &Recording, stages: &[Stage]) -> Vec<Kind> {
+    let mut kinds: Vec<Kind> = stages.iter().flat_map(|stage| stage.makes()).collect();
+    kinds.retain(|kind| !is_held(source, *kind));
+    kinds
+}
+
+/// Whether the recording has a topic of this kind.
+fn is_held(source: &Recording, kind: Kind) -> bool {
+    let channels = source.channels();
+    let topics = Topic::of(&source.metadata().rig, kind);
+    topics
+        .iter()
+        .any(|topic| channels.contains_key(&*topic.name))
 }
 
 /// The stages that compute: those of the recording's own graph from the cut on, and no evaluation without a truth.
@@ -342,6 +358,8 @@ struct Verified {
     scans: u64,
     /// Kinds of message that were played, not computed, and not compared.
     played: Vec<&'static str>,
+    /// Kinds of message that were computed, but are not in the recording, and not compared.
+    not_recorded: Vec<&'static str>,
     topics: BTreeMap<String, TopicVerified>,
 }
 
@@ -356,7 +374,7 @@ struct TopicVerified {
 }
 
 impl Verified {
-    fn new(findings: Findings, scans: u64, played: &[Kind]) -> Self {
+    fn new(findings: Findings, scans: u64, played: &[Kind], not_recorded: &[Kind]) -> Self {
         let topics: BTreeMap<_, _> = findings
             .topics
             .into_iter()
@@ -377,6 +395,7 @@ impl Verified {
                 && topics.values().all(|topic| topic.equal == scans),
             scans,
             played: played.iter().map(|kind| kind.name()).collect(),
+            not_recorded: not_recorded.iter().map(|kind| kind.name()).collect(),
             topics,
         }
     }
@@ -412,6 +431,10 @@ impl fmt::Display for Report {
             }
         }
         let played = verified.played.join(", ");
+        if !verified.not_recorded.is_empty() {
+            let kinds = verified.not_recorded.join(", ");
+            writeln!(f, "\nnot in the recording, and not compared: {kinds}")?;
+        }
         match verified.equal {
             true => writeln!(
                 f,

@@ -30,6 +30,8 @@ messages::settings! {
         pub first: u64 = 0;
         /// The recording's scan before which the replay ends.
         pub end: Option<u64> = None;
+        /// Kinds of message that the recording does not hold: they are not compared.
+        pub without: Vec<Kind> = Vec::new();
     }
 }
 
