@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crossbeam::channel::RecvTimeoutError;
-use foxglove::websocket::ConnectionGraph;
+use foxglove::websocket::{ConnectionGraph, Parameter};
 use messages::bus::{
     self, Answer, Ask, BusError, Doctor, Event, Guest, Joined, LOOK_EVERY, Log, Play, Playing,
     Reports, Run, State,
@@ -16,7 +17,7 @@ use messages::{Header, Kind, Topic};
 use serde_json::Value;
 
 use crate::Settings;
-use crate::server::{Call, Offer, Offered, Playback, ServeError, Server, Wish, parameter_of};
+use crate::server::{Call, Offer, Offered, Playback, ServeError, Server, Turn, Wish, parameter_of};
 
 /// Why a running graph cannot be shown.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +28,9 @@ pub enum LiveError {
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// The system gives no thread.
+    #[error("cannot start a thread: {0}")]
+    Thread(std::io::Error),
 }
 
 /// What is shown, and how.
@@ -50,6 +54,61 @@ const SOURCE_PATIENCE: Duration = Duration::from_secs(10);
 const MOST_SAID: usize = 200;
 /// How often viewers are told how things stand.
 const STATE_EVERY: Duration = Duration::from_secs(1);
+
+/// Turns parameters as viewers want, in a thread of its own: the launcher answers when every node has noted it, and scans
+/// are shown meanwhile.
+fn turn_parameters(run: &Run, server: &Server) -> Result<(), LiveError> {
+    let (turns, wish, root) = (server.turns(), server.wish(), run.root.clone());
+    let known = move |names: &[String]| -> Vec<Parameter> {
+        let all = match bus::ask(&root, &Ask::State) {
+            Ok(Answer::State(state)) => state.parameters,
+            _ => Vec::new(),
+        };
+        let is_asked = |name: &String| names.is_empty() || names.contains(name);
+        let asked = all.iter().filter(|parameter| is_asked(&parameter.name));
+        asked.map(|p| parameter_of(&p.name, &p.value)).collect()
+    };
+    let root = run.root.clone();
+    let serve = move || {
+        while let Ok(first) = turns.recv() {
+            let mut sets = Vec::new();
+            // What has come meanwhile is set together: a slider that is drawn asks for much.
+            for turn in std::iter::once(first).chain(turns.try_iter()) {
+                match turn {
+                    Turn::Get(names, responder) => responder.respond(known(&names)),
+                    Turn::Set(values, client, responder) => sets.push((values, client, responder)),
+                }
+            }
+            let mut all = BTreeMap::new();
+            all.extend(sets.iter().flat_map(|(values, ..)| values.clone()));
+            let is_done = sets.len() > 1 && set(&root, all).is_none();
+            for (values, client, responder) in sets {
+                let names: Vec<String> = values.keys().cloned().collect();
+                let refused = (!is_done).then(|| set(&root, values)).flatten();
+                if let Some(why) = refused {
+                    client.send_error(why);
+                }
+                // What was not taken shows its old value again.
+                let now = known(&names);
+                responder.respond(now.clone());
+                if wish.send(Wish::Tell(now)).is_err() {
+                    return;
+                }
+            }
+        }
+    };
+    let thread = std::thread::Builder::new().name("parameters".to_owned());
+    thread.spawn(serve).map(drop).map_err(LiveError::Thread)
+}
+
+/// Sets parameters otherwise; gives why not.
+fn set(run: &Path, values: BTreeMap<String, Value>) -> Option<String> {
+    match bus::ask(run, &Ask::Set { values }) {
+        Ok(Answer::Refused { why }) => Some(why),
+        Ok(Answer::Done { .. } | Answer::State(_)) => None,
+        Err(error) => Some(format!("the launcher does not answer: {error}")),
+    }
+}
 
 /// How things stand, as soon as the source has said how it plays: what is offered depends on it.
 fn known_state(run: &Run) -> State {
@@ -193,6 +252,7 @@ impl<'a> Viewing<'a> {
         };
         let server = Server::start(settings, offer)?;
         server.tell_graph(graph_of(run, &channels));
+        turn_parameters(run, &server)?;
         Ok(Self {
             run,
             encoder: Encoder::new(codec, channels).standing_alone(),
@@ -247,6 +307,10 @@ impl<'a> Viewing<'a> {
         while let Ok(wish) = self.out.server.wishes().try_recv() {
             self.hear(wish)?;
         }
+        if self.out.server.has_new_subscriptions() {
+            self.choose()?;
+            self.say_again();
+        }
         while let Some(guest) = &mut self.guest
             && let Some(scan) = guest.scan_now()?
         {
@@ -264,32 +328,10 @@ impl<'a> Viewing<'a> {
 
     fn hear(&mut self, wish: Wish) -> Result<(), LiveError> {
         match wish {
-            Wish::Subscriptions => {
-                self.choose()?;
-                self.say_again();
-            }
+            // Looked at below, however many of them come.
+            Wish::Subscriptions => {}
             Wish::Playback => self.play(),
-            Wish::Get(names, responder) => {
-                let state = state_of(self.run);
-                self.state = state.unwrap_or_else(|| std::mem::take(&mut self.state));
-                let is_wanted = |name: &str| names.is_empty() || names.iter().any(|n| n == name);
-                let all = self.state.parameters.iter();
-                let wanted = all.filter(|parameter| is_wanted(&parameter.name));
-                responder.respond(wanted.map(|p| parameter_of(&p.name, &p.value)).collect());
-            }
-            Wish::Set(values, client, responder) => {
-                let names: Vec<String> = values.keys().cloned().collect();
-                if let Some(why) = self.set(values) {
-                    client.send_error(why);
-                }
-                // What was not taken shows its old value again.
-                self.state = state_of(self.run).unwrap_or_default();
-                let all = self.state.parameters.iter();
-                let asked = all.filter(|parameter| names.contains(&parameter.name));
-                let now: Vec<_> = asked.map(|p| parameter_of(&p.name, &p.value)).collect();
-                self.out.server.tell_parameters(now.clone());
-                responder.respond(now);
-            }
+            Wish::Tell(parameters) => self.out.server.tell_parameters(parameters),
             Wish::Call(call, reply) => {
                 let ask = match call {
                     Call::Pause => Ask::Play { play: Play::Stop },
@@ -315,15 +357,6 @@ impl<'a> Viewing<'a> {
             }
         }
         Ok(())
-    }
-
-    /// Sets parameters otherwise; gives why not.
-    fn set(&self, values: BTreeMap<String, Value>) -> Option<String> {
-        match bus::ask(&self.run.root, &Ask::Set { values }) {
-            Ok(Answer::Refused { why }) => Some(why),
-            Ok(Answer::Done { .. } | Answer::State(_)) => None,
-            Err(error) => Some(format!("the launcher does not answer: {error}")),
-        }
     }
 
     /// Lets the replay that is the source play as the viewer wants.

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use messages::recording::{ReadError, Recording};
 
 use crate::Settings;
-use crate::server::{Offer, Offered, Playback, ServeError, Server, Wish};
+use crate::server::{Offer, Offered, Playback, ServeError, Server};
 
 /// Why a recording cannot be played to viewers.
 #[derive(Debug, thiserror::Error)]
@@ -93,14 +93,11 @@ impl Player {
     /// When the recording cannot be read.
     pub fn turn(&mut self) -> Result<(), PlayerError> {
         let timeout = self.film.until_next(&self.server).min(TICK);
-        let mut has_news = false;
-        if let Ok(wish) = self.server.wishes().recv_timeout(timeout) {
-            has_news = matches!(wish, Wish::Subscriptions);
-            while let Ok(wish) = self.server.wishes().try_recv() {
-                has_news |= matches!(wish, Wish::Subscriptions);
-            }
+        // What is wished stands in the server: here it is only waited for.
+        if self.server.wishes().recv_timeout(timeout).is_ok() {
+            self.server.wishes().try_iter().for_each(drop);
         }
-        if has_news && !self.film.was_playing {
+        if self.server.has_new_subscriptions() && !self.film.was_playing {
             // Whoever comes while nothing moves sees where it stands.
             self.film.show(&mut self.server)?;
         }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -56,16 +57,22 @@ pub enum ServeError {
 
 /// What a viewer wants.
 pub(crate) enum Wish {
-    /// It subscribed to a topic or no longer does.
+    /// It subscribed to a topic or no longer does, as [`Server::has_new_subscriptions`] says too.
     Subscriptions,
     /// The recording played otherwise: as [`Playback`] now says.
     Playback,
-    /// Values of parameters: of these, or of all.
-    Get(Vec<String>, GetParametersResponder),
-    /// Parameters set otherwise.
-    Set(BTreeMap<String, Value>, AnyClient, SetParametersResponder),
+    /// All viewers told that these parameters are so.
+    Tell(Vec<Parameter>),
     /// A service.
     Call(Call, Sender<Result<String, String>>),
+}
+
+/// What a viewer wants of the parameters.
+pub(crate) enum Turn {
+    /// Values: of these, or of all.
+    Get(Vec<String>, GetParametersResponder),
+    /// Some set otherwise.
+    Set(BTreeMap<String, Value>, AnyClient, SetParametersResponder),
 }
 
 /// The services.
@@ -142,7 +149,10 @@ pub(crate) struct Server {
     /// What holds channels and viewers together: nobody else keeps it.
     _context: Arc<Context>,
     channels: Vec<Arc<RawChannel>>,
+    wish: Sender<Wish>,
     wishes: Receiver<Wish>,
+    turns: Receiver<Turn>,
+    has_new_subscriptions: Arc<AtomicBool>,
     playback: Arc<Mutex<Playback>>,
     viewers: Viewers,
     backlog: u32,
@@ -170,6 +180,8 @@ impl Server {
         let topics = offer.topics.into_iter();
         let channels: Vec<Arc<RawChannel>> = topics.map(channel).collect::<Result<_, _>>()?;
         let (wish, wishes) = bounded(MOST_WISHES);
+        let (turn, turns) = bounded(MOST_WISHES);
+        let has_new_subscriptions = Arc::new(AtomicBool::new(false));
         let playback = offer.playback.map(|(playback, _)| playback);
         let playback = Arc::new(Mutex::new(playback.unwrap_or(Playback {
             is_playing: true,
@@ -180,6 +192,8 @@ impl Server {
         })));
         let listener = Arc::new(Listener {
             wish: wish.clone(),
+            turn,
+            has_new_subscriptions: Arc::clone(&has_new_subscriptions),
             playback: Arc::clone(&playback),
         });
         let mut capabilities = vec![Capability::Time];
@@ -216,7 +230,10 @@ impl Server {
             handle: Some(handle),
             _context: context,
             channels,
+            wish,
             wishes,
+            turns,
+            has_new_subscriptions,
             playback,
             viewers: Viewers::default(),
             backlog: settings.backlog,
@@ -239,6 +256,21 @@ impl Server {
     /// What viewers want, in order.
     pub(crate) fn wishes(&self) -> &Receiver<Wish> {
         &self.wishes
+    }
+
+    /// The way to say what viewers want, for other threads.
+    pub(crate) fn wish(&self) -> Sender<Wish> {
+        self.wish.clone()
+    }
+
+    /// What viewers want of the parameters, in order.
+    pub(crate) fn turns(&self) -> Receiver<Turn> {
+        self.turns.clone()
+    }
+
+    /// Whether subscriptions came or went since this was asked last.
+    pub(crate) fn has_new_subscriptions(&self) -> bool {
+        self.has_new_subscriptions.swap(false, Ordering::AcqRel)
     }
 
     /// Whether somebody is subscribed to the topic with this index.
@@ -382,17 +414,26 @@ fn services(wish: &Sender<Wish>) -> Vec<Service> {
 /// Hears viewers, on the server's threads, and hands on what they want.
 struct Listener {
     wish: Sender<Wish>,
+    turn: Sender<Turn>,
+    has_new_subscriptions: Arc<AtomicBool>,
     playback: Arc<Mutex<Playback>>,
+}
+
+impl Listener {
+    fn subscriptions(&self) {
+        self.has_new_subscriptions.store(true, Ordering::Release);
+        // Only to wake who waits for wishes.
+        drop(self.wish.try_send(Wish::Subscriptions));
+    }
 }
 
 impl ServerListener for Listener {
     fn on_subscribe(&self, _client: Client, _channel: ChannelView<'_>) {
-        // When there is no room somebody else has wished for a look at the subscriptions already.
-        drop(self.wish.try_send(Wish::Subscriptions));
+        self.subscriptions();
     }
 
     fn on_unsubscribe(&self, _client: Client, _channel: ChannelView<'_>) {
-        drop(self.wish.try_send(Wish::Subscriptions));
+        self.subscriptions();
     }
 
     fn on_playback_control_request(
@@ -426,7 +467,7 @@ impl ParameterHandler for Listener {
         responder: GetParametersResponder,
     ) {
         // A responder that is dropped says that it failed.
-        drop(self.wish.try_send(Wish::Get(names, responder)));
+        drop(self.turn.try_send(Turn::Get(names, responder)));
     }
 
     fn set(
@@ -441,7 +482,7 @@ impl ParameterHandler for Listener {
             (parameter.name, value)
         };
         let values = parameters.into_iter().map(value).collect();
-        drop(self.wish.try_send(Wish::Set(values, client, responder)));
+        drop(self.turn.try_send(Turn::Set(values, client, responder)));
     }
 }
 
