@@ -82,7 +82,7 @@ sample! {
         room.rows.iter_mut().for_each(|row| *row %= order + 1);
         room.rows.sort();
     };
-    Matches { matches points } |room| {
+    Matches { matches points rejected } |room| {
         let points = room.points.len() as u32;
         room.matches.iter_mut().for_each(|m| (m.first, m.count) = (points / 2, points / 3));
     };
@@ -472,6 +472,24 @@ fn edited<M: Sample>(message: &Owned<M>, edit: impl FnOnce(&mut M::Room<'_>)) ->
 }
 
 #[test]
+fn matches_recorded_before_there_were_reasons_read_as_none_rejected() {
+    let topic = &Topic::of(&rig(), Kind::Matches)[0];
+    let new = sample::<Matches>(&mut Random(12), topic, Size::new(9, 8), true);
+    assert!(!new.view().rejected.is_empty());
+    let mut old = edited(&new, |room| room.rejected.clear());
+    old.header.lens[2] = 0;
+    let (new_bytes, old_bytes) = (encoded(topic, &new), encoded(topic, &old));
+    // What is new comes last: whoever knows it not reads the rest as ever.
+    assert!(new_bytes.starts_with(&old_bytes) && new_bytes.len() > old_bytes.len());
+    let read = codec().decode::<Matches>(topic, 0, 0, &old_bytes, &alone);
+    let read = read.unwrap();
+    assert!(read.view().rejected.is_empty());
+    assert_eq!(read.view().difference(&old.view()), None);
+    let difference = new.view().difference(&old.view()).unwrap();
+    assert_eq!((difference.section, difference.element), ("rejected", 0));
+}
+
+#[test]
 fn references_into_damaged_or_missing_messages_are_told() {
     let mut random = Random(11);
     let (edges, curves, tables) = related(&mut random, Size::new(12, 9));
@@ -828,6 +846,7 @@ fn foxglove_reads_curves_drawn_over_the_image_and_the_picture() {
     let matches = messages::MatchesView {
         matches: &found,
         points: &[],
+        rejected: &[],
     };
     let disparity = [1.0, f32::NAN, 2.0];
     let span = Span::of(disparity.into_iter());
