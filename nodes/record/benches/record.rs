@@ -6,6 +6,7 @@ mod synthetic;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use messages::Size;
+use messages::record::Sink as _;
 use record::{Batch, Compression, Recording, Settings, Writer};
 use synthetic::{Scan, metadata};
 
