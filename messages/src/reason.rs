@@ -4,11 +4,10 @@
 /// partner at all; of two reasons as frequent the later one.
 ///
 /// The codes are recorded: a new reason gets a new one, and none is used twice.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Reason {
     /// It runs along the rows: no point of it is crossed by a row steeply enough to have one partner.
-    #[default]
     Flat = 1,
     /// In the neighbouring view there is nothing with gradients like its own at any disparity that is searched.
     NoPartner = 2,

@@ -183,8 +183,8 @@ impl Labels {
         self.told += 1.2 * self.height;
         let corner = [GAP, self.told];
         let width = self.width_of(self.text.len());
-        self.places
-            .take(corner, [width, self.height], self.height / 2.0);
+        let extent = [width, self.height];
+        self.places.mark(corner, extent, self.height / 2.0);
         sheet.text(corner, &self.text, self.height, colour);
     }
 
@@ -236,33 +236,46 @@ impl Places {
 
     /// Takes a box with this lower left corner, and so much around it; false when it is not all inside the image, or not
     /// all free.
-    fn take(&mut self, [left, bottom]: [f32; 2], [width, height]: [f32; 2], around: f32) -> bool {
+    fn take(&mut self, corner: [f32; 2], extent: [f32; 2], around: f32) -> bool {
+        let ([left, bottom], [width, height]) = (corner, extent);
         let (right, top) = (left + width, bottom - height);
         let (most_right, most_bottom) = (self.size.width as f32, self.size.height as f32);
         let is_inside = left >= 0.0 && right < most_right && top >= 0.0 && bottom < most_bottom;
-        if !is_inside {
-            return false;
+        let is_free = is_inside && {
+            let [columns, mut rows] = self.cells(corner, extent, 0.0);
+            rows.all(|row| !self.taken[row * self.columns..][columns.clone()].contains(&true))
+        };
+        if is_free {
+            self.mark(corner, extent, around);
         }
+        is_free
+    }
+
+    /// Takes what there is of a box and so much around it.
+    fn mark(&mut self, corner: [f32; 2], extent: [f32; 2], around: f32) {
+        let [columns, rows] = self.cells(corner, extent, around);
+        for row in rows {
+            self.taken[row * self.columns..][columns.clone()].fill(true);
+        }
+    }
+
+    /// The columns and rows of cells that a box and so much around it lie in.
+    fn cells(
+        &self,
+        [left, bottom]: [f32; 2],
+        [width, height]: [f32; 2],
+        around: f32,
+    ) -> [Range<usize>; 2] {
         // What is below zero is in the first cell.
         let cell = |at: f32| at as usize / Self::CELL;
-        let columns = |left: f32, right: f32| cell(left)..cell(right) + 1;
-        let mut rows = self.taken.chunks_exact(self.columns.max(1));
-        let is_free = |row: &[bool]| !row[columns(left, right)].contains(&true);
-        let all_free = rows
-            .by_ref()
-            .skip(cell(top))
-            .take(cell(bottom) + 1 - cell(top))
-            .all(is_free);
-        if !all_free {
-            return false;
-        }
-        let within = |range: Range<usize>, most: usize| range.start..range.end.min(most);
-        let (width, height) = (self.columns, self.taken.len() / self.columns.max(1));
-        let columns = within(columns(left - around, right + around), width);
-        for row in within(cell(top - around)..cell(bottom + around) + 1, height) {
-            self.taken[row * width..][columns.clone()].fill(true);
-        }
-        true
+        let cells = |from: f32, to: f32, most: usize| {
+            cell(from - around).min(most)..(cell(to + around) + 1).min(most)
+        };
+        let rows = self.taken.len() / self.columns.max(1);
+        [
+            cells(left, left + width, self.columns),
+            cells(bottom - height, bottom, rows),
+        ]
     }
 }
 
@@ -288,7 +301,13 @@ mod tests {
         assert!(!places.take([f32::INFINITY, 20.0], label, 0.0));
         places.clear(Size::new(101, 37));
         assert!(places.take([0.0, 8.0], label, 0.0));
+        places.mark([90.0, 60.0], [500.0, 30.0], 0.0);
+        assert!(
+            !places.take([80.0, 36.0], label, 0.0),
+            "it is taken as far as there is any"
+        );
         places.clear(Size::new(0, 0));
+        places.mark([3.0, 9.0], label, 4.0);
         assert!(!places.take([0.0, 0.0], [0.0, 0.0], 0.0));
     }
 }
