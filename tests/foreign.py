@@ -109,10 +109,12 @@ def main(path, csv_path):
                         norm = q.x ** 2 + q.y ** 2 + q.z ** 2 + q.w ** 2
                         expect(abs(norm - 1) < 1e-9, f'{topic}: {t.child_frame_id} is not a rotation')
                 case 'foxglove.ImageAnnotations':
-                    times = {nanos(p.timestamp) for p in decoded.points}
-                    expect(all(p.thickness > 0 for p in decoded.points), f'{topic}: thickness')
+                    drawn = [*decoded.points, *decoded.circles]
+                    expect(all(d.thickness > 0 for d in drawn), f'{topic}: thickness')
+                    expect(all(t.font_size > 0 and t.text for t in decoded.texts), f'{topic}: texts')
+                    times = {nanos(a.timestamp) for a in (*drawn, *decoded.texts)}
                     if times:
-                        annotations[key] = times
+                        annotations.setdefault(key, set()).update(times)
                 case 'foxglove.Log':
                     expect(decoded.message, f'{topic}: an empty line')
                 case 'tricurve.Curves':
@@ -125,6 +127,7 @@ def main(path, csv_path):
                     expect(decoded.rows[-1] == (len(decoded.order) or entries), f'{topic}: order')
                 case 'tricurve.Matches':
                     runs(decoded.matches, len(packed(decoded.points)), topic)
+                    expect(all(r.reason > 0 for r in decoded.rejected), f'{topic}: no reason')
                 case 'tricurve.Evaluation':
                     shares = [decoded.scores[0].coverage, *(step.bad_one for step in decoded.curve)]
                     expect(all(0 <= share <= 1 for share in shares), f'{topic}: shares {shares}')

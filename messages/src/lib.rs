@@ -22,6 +22,7 @@ pub mod header;
 pub mod health;
 pub mod ledger;
 pub mod payload;
+pub mod reason;
 #[cfg(feature = "record")]
 pub mod record;
 #[cfg(feature = "record")]
@@ -36,8 +37,9 @@ pub use payload::{
     AnyView, Curve, Curves, CurvesRoom, CurvesView, Difference, Disparity, DisparityRoom,
     DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom,
     EvaluationView, Image, ImageRoom, ImageView, List, Match, MatchPoint, Matches, MatchesRoom,
-    MatchesView, Message, Owned, Point, Points, PointsRoom, PointsView, Score, Section, Share,
-    Table, Tables, TablesRoom, TablesView, Truth, TruthRoom, TruthView,
+    MatchesView, Message, Owned, Point, Points, PointsRoom, PointsView, Rejected, Score, Section,
+    Share, Table, Tables, TablesRoom, TablesView, Truth, TruthRoom, TruthView,
 };
+pub use reason::Reason;
 pub use rig::{Delivery, Rig, View};
 pub use topic::{Kind, Stage, Topic};

@@ -149,6 +149,16 @@ pub struct MatchPoint {
     pub filled: u32,
 }
 
+/// A curve of the reference view that was not matched.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Rejected {
+    /// Its label.
+    pub curve: u32,
+    /// Why, the code of a [`Reason`](crate::Reason).
+    pub reason: u32,
+}
+
 /// A point in space, in the reference camera's optical frame.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -564,12 +574,14 @@ message! {
 }
 
 message! {
-    /// The matched curves of a channel.
+    /// The matched curves of a channel, and why the others were not.
     Matches, MatchesView, MatchesRoom {
         /// In the order of the reference view's curves.
         matches: Match = |size| size.pixels() / 2,
         /// Match by match, along the reference view's curve.
         points: MatchPoint = |size| size.pixels() + size.pixels() / 2,
+        /// All other curves of the reference view, in order; of a recording made before there were reasons, none.
+        rejected: Rejected = |size| size.pixels() / 2,
     }
 }
 

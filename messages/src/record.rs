@@ -7,11 +7,13 @@
 //! Data topics are lossless. The payload's large sections go in as the memory they are, so that encoding costs one
 //! copy; their layout is declared field by field beside them, and small records (curves, tables, matches) are
 //! messages of their own. What another message of the scan says already is not said again: curves name their edges,
-//! R-tables the points of their curves. Topics for people (curves over each image, the disparity picture in colours) and about the
-//! scene (calibration, frames) are derived from the data.
+//! R-tables the points of their curves. Topics for people (curves over each image, the disparity picture in colours, why
+//! curves were rejected) and about the scene (calibration, frames) are derived from the data.
 
+mod annotations;
 mod codec;
 mod encoder;
+mod overlay;
 mod refer;
 mod row;
 mod scene;
@@ -41,6 +43,8 @@ pub enum Content {
     Data(Topic),
     /// The curves of the view with this index, drawn over its image.
     Annotations(usize),
+    /// The curves of the view with this index that were not matched, and why, drawn over its image.
+    Rejected(usize),
     /// The disparity picture in colours.
     Picture,
     /// [`Statistics`] of each scan.
@@ -51,6 +55,23 @@ pub enum Content {
     Health,
     /// What the nodes have to say.
     Log,
+}
+
+/// Which topics for people there are besides the data.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Shown {
+    /// Curves over each image, the disparity picture in colours.
+    pub views: bool,
+    /// Curves that were not matched, over each image.
+    pub rejected: bool,
+}
+
+impl Shown {
+    /// All of them.
+    pub const ALL: Self = Self {
+        views: true,
+        rejected: true,
+    };
 }
 
 /// A channel of a recording: a topic and how its messages are to be read.
@@ -131,7 +152,7 @@ impl Codec {
 
     /// All channels of a recording, in the order a scan's messages stand in it: what viewers show comes first, so
     /// that they find it together.
-    pub fn channels(&self, with_views: bool) -> Vec<Channel> {
+    pub fn channels(&self, shown: Shown) -> Vec<Channel> {
         let channel = |name: String, content, schema| Channel {
             name,
             content,
@@ -152,11 +173,19 @@ impl Codec {
                 Schema::calibration(),
             )
         }));
-        if with_views {
-            all.extend(views.map(|view| {
+        if shown.views {
+            all.extend(views.clone().map(|view| {
                 let name = camera(view, "annotations");
                 channel(name, Content::Annotations(view), Schema::annotations())
             }));
+        }
+        if shown.rejected {
+            all.extend(views.map(|view| {
+                let name = camera(view, "rejected");
+                channel(name, Content::Rejected(view), Schema::annotations())
+            }));
+        }
+        if shown.views {
             all.push(channel(
                 "disparity/picture".to_owned(),
                 Content::Picture,

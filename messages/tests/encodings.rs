@@ -6,11 +6,11 @@ use bytemuck::{Pod, Zeroable};
 use foxglove::Decode as _;
 use foxglove::messages as fg;
 use messages::payload::SECTIONS;
-use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Said, Span, Views};
+use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Said, Shown, Span, Views};
 use messages::{
     AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Evaluation,
-    Header, Image, Kind, List, Match, Matches, Owned, Points, Rig, Size, Table, Tables, Topic,
-    Truth,
+    Header, Image, Kind, List, Match, Matches, NONE, Owned, Points, Reason, Rejected, Rig, Size,
+    Table, Tables, Topic, Truth,
 };
 
 /// Numbers that look random and never change.
@@ -82,7 +82,7 @@ sample! {
         room.rows.iter_mut().for_each(|row| *row %= order + 1);
         room.rows.sort();
     };
-    Matches { matches points } |room| {
+    Matches { matches points rejected } |room| {
         let points = room.points.len() as u32;
         room.matches.iter_mut().for_each(|m| (m.first, m.count) = (points / 2, points / 3));
     };
@@ -472,6 +472,24 @@ fn edited<M: Sample>(message: &Owned<M>, edit: impl FnOnce(&mut M::Room<'_>)) ->
 }
 
 #[test]
+fn matches_recorded_before_there_were_reasons_read_as_none_rejected() {
+    let topic = &Topic::of(&rig(), Kind::Matches)[0];
+    let new = sample::<Matches>(&mut Random(12), topic, Size::new(9, 8), true);
+    assert!(!new.view().rejected.is_empty());
+    let mut old = edited(&new, |room| room.rejected.clear());
+    old.header.lens[2] = 0;
+    let (new_bytes, old_bytes) = (encoded(topic, &new), encoded(topic, &old));
+    // What is new comes last: whoever knows it not reads the rest as ever.
+    assert!(new_bytes.starts_with(&old_bytes) && new_bytes.len() > old_bytes.len());
+    let read = codec().decode::<Matches>(topic, 0, 0, &old_bytes, &alone);
+    let read = read.unwrap();
+    assert!(read.view().rejected.is_empty());
+    assert_eq!(read.view().difference(&old.view()), None);
+    let difference = new.view().difference(&old.view()).unwrap();
+    assert_eq!((difference.section, difference.element), ("rejected", 0));
+}
+
+#[test]
 fn references_into_damaged_or_missing_messages_are_told() {
     let mut random = Random(11);
     let (edges, curves, tables) = related(&mut random, Size::new(12, 9));
@@ -813,6 +831,8 @@ fn foxglove_reads_curves_drawn_over_the_image_and_the_picture() {
             label: 1,
             first: 3,
             count: 2,
+            x: 8.5,
+            y: 1.5,
             ..Curve::default()
         },
     ];
@@ -828,6 +848,7 @@ fn foxglove_reads_curves_drawn_over_the_image_and_the_picture() {
     let matches = messages::MatchesView {
         matches: &found,
         points: &[],
+        rejected: &[],
     };
     let disparity = [1.0, f32::NAN, 2.0];
     let span = Span::of(disparity.into_iter());
@@ -840,15 +861,24 @@ fn foxglove_reads_curves_drawn_over_the_image_and_the_picture() {
         span.map(|span| (matches, span)),
         &mut bytes,
     );
-    let read = fg::ImageAnnotations::decode(&*bytes).unwrap();
-    assert_eq!(read.points.len(), 2);
-    for strip in &read.points {
-        assert_eq!(stamp(strip.timestamp), STAMP);
+    let read = annotations(&bytes);
+    let [one, two, rims, dots] = &read.points[..] else {
+        panic!("{}", read.points.len());
+    };
+    for strip in [one, two] {
         assert_eq!(strip.r#type, fg::points_annotation::Type::LineStrip as i32);
-        assert!(strip.thickness > 0.0);
     }
-    let first: Vec<_> = read.points[0].points.iter().map(|p| (p.x, p.y)).collect();
-    assert_eq!(first, [(1.0, 2.0), (3.0, 4.0)]);
+    // Foxglove counts from the corner of the first pixel, not from its centre.
+    let first: Vec<_> = one.points.iter().map(|p| (p.x, p.y)).collect();
+    assert_eq!(first, [(1.5, 2.5), (3.5, 4.5)]);
+    // The centroid of the one that is matched is marked in its colour.
+    for marks in [rims, dots] {
+        assert_eq!(marks.r#type, fg::points_annotation::Type::Points as i32);
+        let at: Vec<_> = marks.points.iter().map(|p| (p.x, p.y)).collect();
+        assert_eq!(at, [(9.0, 2.0)]);
+    }
+    assert_eq!(dots.outline_colors, [two.outline_color.unwrap()]);
+    assert!(rims.thickness > dots.thickness);
     let colour = |i: usize| read.points[i].outline_color.unwrap();
     assert!(colour(0).a < 1.0 && colour(1).a == 1.0);
 
@@ -872,9 +902,192 @@ fn foxglove_reads_curves_drawn_over_the_image_and_the_picture() {
     assert_eq!(read.data[6], (colour(1).r * 255.0).round() as u8);
 }
 
+/// A message of annotations, every one of which has the image's time and can be seen.
+fn annotations(bytes: &[u8]) -> fg::ImageAnnotations {
+    let read = fg::ImageAnnotations::decode(bytes).unwrap();
+    assert_eq!(stamp(read.timestamp), STAMP);
+    for points in &read.points {
+        assert_eq!(stamp(points.timestamp), STAMP);
+        assert!(points.thickness > 0.0 && points.outline_color.is_some());
+    }
+    for text in &read.texts {
+        assert_eq!(stamp(text.timestamp), STAMP);
+        assert!(text.font_size > 0.0 && !text.text.is_empty());
+        assert!(text.position.is_some() && text.text_color.unwrap().a > 0.0);
+        assert!(text.background_color.is_some());
+    }
+    assert!(read.circles.is_empty());
+    read
+}
+
+/// A row of upright curves of these lengths, 24 columns apart.
+fn fence(lengths: &[u32]) -> (Vec<Curve>, Vec<Edge>) {
+    let (mut curves, mut points) = (Vec::new(), Vec::new());
+    for (label, &length) in (0u16..).zip(lengths) {
+        let x = f32::from(label) * 24.0 + 100.0;
+        let top = 200.0 - length as f32 / 2.0;
+        curves.push(Curve {
+            label: label.into(),
+            first: points.len() as u32,
+            count: length,
+            x,
+            y: 200.0,
+            length: length as f32,
+            ..Curve::default()
+        });
+        points.extend((0..length).map(|row| Edge {
+            x,
+            y: top + row as f32,
+            ..Edge::zeroed()
+        }));
+    }
+    (curves, points)
+}
+
+fn texts(read: &fg::ImageAnnotations) -> Vec<&str> {
+    read.texts.iter().map(|text| &*text.text).collect()
+}
+
+#[test]
+fn the_longest_matched_curves_are_labelled_where_no_label_covers_another() {
+    // Labels are wider than the curves are apart: not all of them have room.
+    let lengths = [90, 100, 95, 90, 110, 70, 20, 300, 7];
+    let (curves, points) = fence(&lengths);
+    let curves = messages::CurvesView {
+        curves: &curves,
+        points: &points,
+    };
+    let found: Vec<Match> = (0..lengths.len() as u32)
+        .map(|label| Match {
+            curves: [label, 100 + label, NONE],
+            disparity: 3.0 + label as f32,
+            score: 0.9 + 0.01 * label as f32,
+            ..Match::default()
+        })
+        .collect();
+    let matches = messages::MatchesView {
+        matches: &found,
+        points: &[],
+        rejected: &[],
+    };
+    let span = Span::of(found.iter().map(|found| found.disparity));
+    let header = Header {
+        view: 0,
+        ..Header::new(0, NANOS, Size::new(640, 480))
+    };
+    let mut bytes = Vec::new();
+    Views::default().annotations(
+        &codec(),
+        &header,
+        curves,
+        span.map(|span| (matches, span)),
+        &mut bytes,
+    );
+    let read = annotations(&bytes);
+    let said = texts(&read);
+    let (legend, labels) = said.split_at(5);
+    assert_eq!(legend, ["11.0 px", "9.0 px", "7.0 px", "5.0 px", "3.0 px"]);
+    // They are numbered as in the reference view, the centre: the longest first, then those that have room to the right
+    // or to the left; 20 and 7 points are shorter than a label.
+    assert_eq!(labels, ["107 0.970", "104 0.940", "101 0.910", "100 0.900"]);
+    let boxes: Vec<[f64; 4]> = read
+        .texts
+        .iter()
+        .map(|text| {
+            let (at, height) = (text.position.unwrap(), text.font_size);
+            let width = 0.6 * height * text.text.len() as f64;
+            [at.x, at.x + width, at.y - height, at.y]
+        })
+        .collect();
+    for (i, [left, right, top, bottom]) in boxes.iter().enumerate() {
+        assert!(*left >= 0.0 && *right <= 640.0 && *top >= 0.0 && *bottom <= 480.0);
+        let overlaps =
+            |b: &[f64; 4]| b[0] < *right && *left < b[1] && b[2] < *bottom && *top < b[3];
+        assert!(!boxes[i + 1..].iter().any(overlaps));
+    }
+    let colour = |text: &fg::TextAnnotation| text.text_color.unwrap();
+    assert_eq!(
+        colour(&read.texts[0]),
+        read.points[8].outline_color.unwrap()
+    );
+    assert_eq!(
+        colour(&read.texts[4]),
+        read.points[0].outline_color.unwrap()
+    );
+    assert_eq!(
+        colour(&read.texts[5]),
+        read.points[7].outline_color.unwrap()
+    );
+    // The second time nothing is left of the first.
+    let mut views = Views::default();
+    for _ in 0..2 {
+        let mut again = Vec::new();
+        let matches = span.map(|span| (matches, span));
+        views.annotations(&codec(), &header, curves, matches, &mut again);
+        assert!(again == bytes);
+    }
+}
+
+#[test]
+fn rejected_curves_are_drawn_and_labelled_by_their_reason() {
+    let (curves, points) = fence(&[60, 80, 100, 300, 10, 12]);
+    let curves = messages::CurvesView {
+        curves: &curves,
+        points: &points,
+    };
+    let rejected = [
+        (0, Reason::NoPartner.code()),
+        (2, 4711),
+        (3, Reason::ThirdView.code()),
+        (4, Reason::NoPartner.code()),
+        (99, Reason::Short.code()),
+    ]
+    .map(|(curve, reason)| Rejected { curve, reason });
+    let found = [Match {
+        curves: [1, 1, 5],
+        ..Match::default()
+    }];
+    let matches = messages::MatchesView {
+        matches: &found,
+        points: &[],
+        rejected: &rejected,
+    };
+    let mut views = Views::default();
+    let mut draw = |view: u32| {
+        let header = Header {
+            view,
+            ..Header::new(0, NANOS, Size::new(640, 480))
+        };
+        let mut bytes = Vec::new();
+        views.rejected(&codec(), &header, curves, matches, &mut bytes);
+        annotations(&bytes)
+    };
+    // The reference view is the centre.
+    let read = draw(1);
+    let said = texts(&read);
+    let (legend, labels) = said.split_at(3);
+    assert_eq!(
+        legend,
+        ["1 another reason", "2 no partner", "1 third view disagrees"]
+    );
+    assert_eq!(labels, ["3 third view disagrees", "2 another reason"]);
+    let columns = |read: &fg::ImageAnnotations| -> Vec<f64> {
+        read.points.iter().map(|strip| strip.points[0].x).collect()
+    };
+    assert_eq!(columns(&read), [100.5, 148.5, 172.5, 196.5]);
+    let colours: Vec<_> = read.points.iter().map(|p| p.outline_color).collect();
+    assert_eq!(colours[0], colours[3]);
+    assert!(colours[0] != colours[1] && colours[1] != colours[2]);
+    assert_eq!(read.texts[1].text_color, colours[0]);
+    // In another view those that no match names.
+    let read = draw(2);
+    assert_eq!(texts(&read)[0], "5 in no match");
+    assert_eq!(columns(&read), [100.5, 124.5, 148.5, 172.5, 196.5]);
+}
+
 #[test]
 fn channels_have_names_of_their_own_and_all_data_topics_are_there() {
-    let channels = codec().channels(true);
+    let channels = codec().channels(Shown::ALL);
     let mut names: Vec<_> = channels.iter().map(|c| &c.name).collect();
     names.sort();
     names.dedup();
@@ -884,12 +1097,23 @@ fn channels_have_names_of_their_own_and_all_data_topics_are_there() {
             .iter()
             .all(|topic| names.contains(&&topic.name))
     );
-    assert!(
-        codec()
-            .channels(false)
-            .iter()
-            .all(|c| !c.name.ends_with("annotations"))
-    );
+    let none_of = |shown: Shown, what: &str| {
+        let channels = codec().channels(shown);
+        channels.iter().all(|channel| !channel.name.ends_with(what))
+    };
+    let views = Shown {
+        views: true,
+        rejected: false,
+    };
+    let rejected = Shown {
+        views: false,
+        rejected: true,
+    };
+    for what in ["annotations", "rejected", "disparity/picture"] {
+        assert!(none_of(Shown::default(), what) && !none_of(Shown::ALL, what));
+    }
+    assert!(none_of(views, "rejected") && !none_of(views, "annotations"));
+    assert!(none_of(rejected, "annotations") && !none_of(rejected, "rejected"));
 }
 
 #[test]

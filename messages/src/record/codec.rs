@@ -432,6 +432,7 @@ fn matches_message(head: &Head<'_>, view: MatchesView<'_>, out: &mut Vec<u8>) {
     own_head(head, out);
     messages(5, view.matches, out);
     packed(6, view.points, out);
+    messages(7, view.rejected, out);
 }
 
 impl Recorded for Curves {
@@ -606,6 +607,7 @@ impl Recorded for Matches {
         read_own(bytes, most, |number, value| match number {
             5 => read_message(value.bytes()?, &mut room.matches),
             6 => read_packed(value.bytes()?, &mut room.points),
+            7 => read_message(value.bytes()?, &mut room.rejected),
             _ => Ok(()),
         })
     }

@@ -107,7 +107,7 @@ impl Encoder {
             _ => None,
         };
         let matches = match find(Kind::Matches, none, finest) {
-            Some((_, AnyView::Matches(matches))) => span.map(|span| (*matches, span)),
+            Some((_, AnyView::Matches(matches))) => Some(*matches),
             _ => None,
         };
         let Self {
@@ -164,8 +164,19 @@ impl Encoder {
                 Content::Annotations(view) => {
                     let curves = find(Kind::Curves, *view as u32, finest);
                     if let Some((header, AnyView::Curves(curves))) = curves {
+                        let matches = matches.zip(span);
                         sink.add(index, |out| {
                             views.annotations(codec, header, *curves, matches, out)
+                        });
+                    }
+                }
+                Content::Rejected(view) => {
+                    let curves = find(Kind::Curves, *view as u32, finest);
+                    if let (Some((header, AnyView::Curves(curves))), Some(matches)) =
+                        (curves, matches)
+                    {
+                        sink.add(index, |out| {
+                            views.rejected(codec, header, *curves, matches, out)
                         });
                     }
                 }

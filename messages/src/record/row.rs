@@ -4,7 +4,7 @@ use std::mem::offset_of;
 
 use bytemuck::Pod;
 
-use crate::payload::{Curve, Edge, Entry, Match, MatchPoint, Point, Score, Share, Table};
+use crate::payload::{Curve, Edge, Entry, Match, MatchPoint, Point, Rejected, Score, Share, Table};
 
 /// What a member is; the values are those of `foxglove.PackedElementField`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,6 +110,11 @@ row! { MatchPoint {
     filled: Uint32 = filled,
 } }
 
+row! { Rejected {
+    curve: Uint32 = curve,
+    reason: Uint32 = reason,
+} }
+
 row! { Point {
     x: Float32 = x,
     y: Float32 = y,
@@ -167,6 +172,7 @@ mod tests {
         tells_all::<Entry>();
         tells_all::<Match>();
         tells_all::<MatchPoint>();
+        tells_all::<Rejected>();
         tells_all::<Point>();
         tells_all::<Score>();
         tells_all::<Share>();
@@ -189,6 +195,7 @@ mod tests {
         is_words::<Curve>();
         is_words::<Table>();
         is_words::<Match>();
+        is_words::<Rejected>();
         is_words::<Score>();
         is_words::<Share>();
     }

@@ -10,7 +10,7 @@ use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, Fi
 use serde_json::json;
 
 use super::row::{Number, Row};
-use crate::payload::{Curve, Match, Score, Share, Table};
+use crate::payload::{Curve, Match, Rejected, Score, Share, Table};
 use crate::topic::Kind;
 
 /// What a file says about a kind of message.
@@ -258,9 +258,15 @@ impl Schema {
                     ],
                 ),
                 row::<Match>(),
+                // The reason is the code of a `messages::Reason`.
+                row::<Rejected>(),
                 with_head(
                     "Matches",
-                    &[many("matches", 5, Match::NAME), packed("points", 6)],
+                    &[
+                        many("matches", 5, Match::NAME),
+                        packed("points", 6),
+                        many("rejected", 7, Rejected::NAME),
+                    ],
                 ),
                 row::<Score>(),
                 row::<Share>(),

@@ -1,10 +1,11 @@
-//! Views for people, derived from the data: curves over each image, the disparity picture in colours.
+//! Views for people, derived from the data: the disparity picture in colours, and what it takes to draw curves.
 
 use super::Codec;
+use super::annotations::Labels;
 use super::codec::raw_image_head;
 use super::wire::Fill;
 use crate::header::Header;
-use crate::payload::{CurvesView, DisparityView, Edge, MatchesView};
+use crate::payload::{DisparityView, Edge};
 
 /// Colours of disparities: dark violet is far, light yellow near, in even steps to the eye.
 #[derive(Clone, Debug)]
@@ -162,13 +163,14 @@ pub fn paint(colours: &Colours, span: Option<Span>, disparities: &[f32], out: &m
 /// Draws the views; keeps what it needs from scan to scan.
 #[derive(Debug, Default)]
 pub struct Views {
-    colours: Colours,
-    strip: Vec<[f32; 2]>,
-    disparities: Vec<f32>,
+    pub(super) colours: Colours,
+    pub(super) strip: Vec<[f32; 2]>,
+    /// Of every curve what is drawn of it: its match, or why it has none.
+    pub(super) of_curve: Vec<u32>,
+    /// Curves to be labelled.
+    pub(super) longest: Vec<u32>,
+    pub(super) labels: Labels,
 }
-
-/// Curves whose partners were not found.
-const UNMATCHED: [f64; 4] = [0.55, 0.6, 0.65, 0.7];
 
 impl Views {
     /// Appends the disparity picture in colours, a `foxglove.RawImage` rgb8 in the reference view.
@@ -192,80 +194,6 @@ impl Views {
         Fill(out).open(6, 3 * picture.disparity.len());
         paint(&self.colours, span, picture.disparity, out);
     }
-
-    /// Appends a view's curves as line strips over its image, a `foxglove.ImageAnnotations`: those that are matched
-    /// in the colour of their disparity.
-    pub fn annotations(
-        &mut self,
-        codec: &Codec,
-        header: &Header,
-        curves: CurvesView<'_>,
-        matches: Option<(MatchesView<'_>, Span)>,
-        out: &mut Vec<u8>,
-    ) {
-        let nanos = header.capture_nanos;
-        let Some((matches, span)) = matches.filter(|_| codec.rig.views.len() == 3) else {
-            self.disparities.clear();
-            self.disparities.resize(curves.curves.len(), f32::NAN);
-            return self.strips(
-                nanos,
-                curves,
-                Span {
-                    least: 0.0,
-                    most: 0.0,
-                },
-                out,
-            );
-        };
-        self.disparities.clear();
-        self.disparities.resize(curves.curves.len(), f32::NAN);
-        for found in matches.matches {
-            let label = found.curves.get(header.view as usize);
-            let slot = label.and_then(|&label| self.disparities.get_mut(label as usize));
-            if let Some(slot) = slot {
-                *slot = found.disparity;
-            }
-        }
-        self.strips(nanos, curves, span, out);
-    }
-
-    fn strips(&mut self, nanos: u64, curves: CurvesView<'_>, span: Span, out: &mut Vec<u8>) {
-        const LINE_STRIP: u64 = 3;
-        let mut fill = Fill(out);
-        for (curve, disparity) in curves.curves.iter().zip(&self.disparities) {
-            straighten(curve.points(curves.points), &mut self.strip);
-            let colour = match disparity.is_finite() {
-                true => {
-                    let [r, g, b] = self
-                        .colours
-                        .of(span.share(*disparity))
-                        .map(|c| f64::from(c) / 255.0);
-                    [r, g, b, 1.0]
-                }
-                false => UNMATCHED,
-            };
-            fill.message(2, |annotation| {
-                annotation.timestamp(1, nanos);
-                annotation.varint(2, LINE_STRIP);
-                for [x, y] in &self.strip {
-                    // A frame of known length, filled in: there are many of them.
-                    let mut point = [0; 20];
-                    point[..3].copy_from_slice(&[3 << 3 | 2, 18, 1 << 3 | 1]);
-                    point[3..11].copy_from_slice(&f64::from(*x).to_le_bytes());
-                    point[11] = 2 << 3 | 1;
-                    point[12..].copy_from_slice(&f64::from(*y).to_le_bytes());
-                    annotation.0.extend_from_slice(&point);
-                }
-                annotation.message(4, |fill| {
-                    for (value, field) in colour.iter().zip(1..) {
-                        fill.double(field, *value);
-                    }
-                });
-                annotation.double(7, 1.0);
-            });
-        }
-        fill.timestamp(5, nanos);
-    }
 }
 
 /// How far a drawn curve may lie off the true one, in pixels.
@@ -273,7 +201,7 @@ const TOLERANCE: f32 = 0.35;
 
 /// The fewest of a curve's points, in order, that draw it to within [`TOLERANCE`]: a point is left out as long as one
 /// straight line goes past it and all others left out.
-fn straighten(points: &[Edge], strip: &mut Vec<[f32; 2]>) {
+pub(super) fn straighten(points: &[Edge], strip: &mut Vec<[f32; 2]>) {
     strip.clear();
     let mut rest = points.iter().map(|edge| [edge.x, edge.y]);
     let Some(mut anchor) = rest.next() else {

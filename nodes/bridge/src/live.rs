@@ -12,7 +12,7 @@ use messages::bus::{
     Reports, Run, State,
 };
 use messages::ledger::Ledger;
-use messages::record::{Channel, Codec, Content, Encoder, Level, Sink};
+use messages::record::{Channel, Codec, Content, Encoder, Level, Shown, Sink};
 use messages::{Header, Kind, Topic};
 use serde_json::Value;
 
@@ -168,6 +168,7 @@ fn needs(content: &Content, made: &[Kind]) -> Vec<Kind> {
     let mut kinds = match content {
         Content::Data(topic) => vec![topic.kind],
         Content::Annotations(_) => vec![Kind::Curves, Kind::Matches, Kind::Points],
+        Content::Rejected(_) => vec![Kind::Curves, Kind::Matches],
         Content::Picture => vec![Kind::Disparity, Kind::Points],
         Content::Statistics => made.to_vec(),
         Content::Transforms | Content::Calibration(_) => vec![Kind::Image, Kind::Points],
@@ -225,7 +226,7 @@ impl<'a> Viewing<'a> {
         } = *live;
         let codec = Codec::new(run.rig.clone(), reference);
         let made = run.kinds();
-        let mut channels = codec.channels(true);
+        let mut channels = codec.channels(Shown::ALL);
         channels.retain(|channel| match &channel.content {
             Content::Data(topic) => made.contains(&topic.kind),
             _ => true,

@@ -3,7 +3,7 @@
 //! A curve tracked across a depth step has no single disparity, so each point chooses for itself, and neighbours along
 //! the curve pay for disagreeing: linearly at first, capped, so that one jump is affordable.
 
-use messages::NONE;
+use messages::{NONE, Reason};
 
 use crate::candidates::{Candidate, Candidates};
 
@@ -226,24 +226,32 @@ pub(crate) struct Steadiness {
 }
 
 /// Forgets every choice outside runs of steady disparity, and tells the others how long their run is.
-pub(crate) fn keep_runs(choices: &mut [Choice], steadiness: &Steadiness) {
-    for_each_run(choices, steadiness, |choices, seen| {
+pub(crate) fn keep_runs(choices: &mut [Choice], lost: &mut [Reason], steadiness: &Steadiness) {
+    for_each_run(choices, steadiness, |start, choices, seen| {
         let margin: f32 = choices.iter().map(|choice| choice.margin).sum();
-        if seen < steadiness.least || margin < steadiness.margin * seen as f32 {
-            choices.fill(Choice::NOTHING);
-        } else {
-            for choice in choices.iter_mut().filter(|choice| choice.is_some()) {
+        let is_short = seen < steadiness.least;
+        let forgotten = is_short || margin < steadiness.margin * seen as f32;
+        let chosen = choices.iter_mut().zip(&mut lost[start..]);
+        for (choice, lost) in chosen.filter(|(choice, _)| choice.is_some()) {
+            if forgotten {
+                *choice = Choice::NOTHING;
+                *lost = if is_short {
+                    Reason::Short
+                } else {
+                    Reason::Ambiguous
+                };
+            } else {
                 choice.run = seen as u32;
             }
         }
     });
 }
 
-/// Calls with each run, first to last seen point, and the number of points seen in it.
+/// Calls with the start of each run, with the run from first to last seen point, and the number of points seen in it.
 fn for_each_run(
     choices: &mut [Choice],
     steadiness: &Steadiness,
-    mut run: impl FnMut(&mut [Choice], usize),
+    mut run: impl FnMut(usize, &mut [Choice], usize),
 ) {
     let mut at = 0;
     while at < choices.len() {
@@ -265,13 +273,13 @@ fn for_each_run(
             at += 1;
         }
         at = last + 1;
-        run(&mut choices[start..at], seen);
+        run(start, &mut choices[start..at], seen);
     }
 }
 
 /// Fills the gaps inside runs by interpolation along the curve.
 pub(crate) fn fill_gaps(choices: &mut [Choice], steadiness: &Steadiness) {
-    for_each_run(choices, steadiness, |choices, _| {
+    for_each_run(choices, steadiness, |_, choices, _| {
         let mut last = 0;
         for at in 1..choices.len() {
             if !choices[at].is_some() {
@@ -460,9 +468,13 @@ mod tests {
             14.2,
         ];
         let mut choices = disparities.map(|d| if d.is_nan() { Choice::NOTHING } else { seen(d) });
-        keep_runs(&mut choices, &STEADY);
+        let mut lost = [Reason::NoPartner; 13];
+        keep_runs(&mut choices, &mut lost, &STEADY);
         let runs = choices.map(|choice| choice.run);
         assert_eq!(runs, [4, 4, 4, 0, 0, 4, 0, 0, 0, 0, 0, 0, 0]);
+        // Points that had nothing before keep their own reason.
+        let short: Vec<usize> = (0..13).filter(|&i| lost[i] == Reason::Short).collect();
+        assert_eq!(short, [6, 7, 8, 12]);
     }
 
     #[test]
@@ -471,8 +483,10 @@ mod tests {
             margin: 0.05,
             ..seen(5.0)
         }; 8];
-        keep_runs(&mut choices, &STEADY);
+        let mut lost = [Reason::Flat; 8];
+        keep_runs(&mut choices, &mut lost, &STEADY);
         assert!(choices.iter().all(|choice| !choice.is_some()));
+        assert_eq!(lost, [Reason::Ambiguous; 8]);
     }
 
     #[test]

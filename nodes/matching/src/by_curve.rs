@@ -1,7 +1,7 @@
 //! Whole curves are matched in a closed loop, weighed against their neighbours, and their points paired row by row:
 //! the thesis's way.
 
-use messages::Size;
+use messages::{Reason, Size};
 
 use crate::closed_loop::Closing;
 use crate::differences::{self, Pairing};
@@ -54,15 +54,18 @@ impl Matcher {
             let closed = self
                 .closed_loop
                 .close(views, &self.rows, label, steps, expected, &ballot, &closing);
-            self.closed[label as usize] = closed;
-            if let Some(closed) = closed {
-                self.nodes.push(Node {
-                    x: curve.x,
-                    y: curve.y,
-                    disparity: closed.disparity,
-                    certainty: closed.score,
-                    support: 1.0,
-                });
+            match closed {
+                Ok(closed) => {
+                    self.closed[label as usize] = Some(closed);
+                    self.nodes.push(Node {
+                        x: curve.x,
+                        y: curve.y,
+                        disparity: closed.disparity,
+                        certainty: closed.score,
+                        support: 1.0,
+                    });
+                }
+                Err(reason) => self.lost[curve.range()].fill(reason),
             }
         }
         let relation = Relation {
@@ -80,10 +83,12 @@ impl Matcher {
             miss: s.miss,
             flat: s.flat.to_radians(),
         };
-        let matched = self.closed.iter_mut().filter(|closed| closed.is_some());
-        for (closed, node) in matched.zip(&self.nodes) {
+        let closed = self.closed.iter_mut().zip(reference.curves);
+        let matched = closed.filter(|(closed, _)| closed.is_some());
+        for ((closed, curve), node) in matched.zip(&self.nodes) {
             let Some(found) = closed.filter(|_| node.certainty >= s.certainty) else {
                 *closed = None;
+                self.lost[curve.range()].fill(Reason::Neighbours);
                 continue;
             };
             let range = reference.curves[found.curves[steps.reference] as usize].range();

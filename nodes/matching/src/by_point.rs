@@ -1,6 +1,6 @@
 //! Every point along a curve chooses its partners for itself, and its neighbours have a say.
 
-use messages::Size;
+use messages::{Reason, Size};
 
 use crate::along::{self, Choice, Smoothness, Steadiness};
 use crate::candidates::Likeness;
@@ -29,6 +29,7 @@ impl Matcher {
             gray_most: s.gray_most,
             better: s.better_side / (1.0 + s.better_side),
             magnitude_cost: s.magnitude_cost,
+            nothing: s.nothing,
             most: s.nothing + s.jump,
             keep: s.candidates,
         };
@@ -39,8 +40,9 @@ impl Matcher {
             }
             None => None,
         };
+        let lost = &mut self.lost;
         self.candidates
-            .gather(&self.rows, steps, range, &like, predicted);
+            .gather(&self.rows, steps, range, &like, predicted, lost);
 
         let smoothness = Smoothness {
             nothing: s.nothing,
@@ -61,13 +63,15 @@ impl Matcher {
                 &smoothness,
                 &mut self.choices,
             );
-            along::keep_runs(&mut self.choices[curve.range()], &steadiness);
+            let own = curve.range();
+            along::keep_runs(&mut self.choices[own.clone()], &mut lost[own], &steadiness);
         }
         let worth = |choice: &Choice| choice.cost - (choice.run as f32).min(32.0) / 32.0;
         let others = [steps.near, steps.far].into_iter().enumerate();
         for (which, view) in others.filter(|&(_, view)| s.unique && steps.uses(view)) {
+            let spots = self.rows[view].spots.len();
             self.support
-                .keep_unique(self.rows[view].spots.len(), which, &mut self.choices, worth);
+                .keep_unique(spots, which, &mut self.choices, lost, worth);
         }
         self.around
             .clear(size, s.support_cell, s.support_within, range);
@@ -78,19 +82,20 @@ impl Matcher {
         }
         self.around.settle();
         let asked = s.support_share > 0.0;
-        for (edge, choice) in edges.iter().zip(&mut self.choices) {
+        for ((edge, choice), lost) in edges.iter().zip(&mut self.choices).zip(lost.iter_mut()) {
             if choice.is_some() {
                 let (share, weight) = self.around.agreement(edge.x, edge.y, choice.disparity);
                 choice.support = share;
                 choice.witnesses = share * weight;
                 if asked && (share < s.support_share || weight < s.support_least) {
                     *choice = Choice::NOTHING;
+                    *lost = Reason::Neighbours;
                 }
             }
         }
         for curve in reference.curves {
             let choices = &mut self.choices[curve.range()];
-            along::keep_runs(choices, &steadiness);
+            along::keep_runs(choices, &mut lost[curve.range()], &steadiness);
             if s.straighten > 0 {
                 along::straighten(choices, s.straighten, s.steady, &mut self.smooth);
             }

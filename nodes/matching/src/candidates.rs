@@ -5,7 +5,7 @@
 //! between the outer views gives the precision, the short one the uniqueness. Without the third view every like point
 //! in the neighbouring one is a candidate.
 
-use messages::NONE;
+use messages::{NONE, Reason};
 
 use crate::rows::{Rows, Spot, is_flat, turn};
 use crate::surroundings::Surroundings;
@@ -47,6 +47,8 @@ pub(crate) struct Likeness {
     pub(crate) better: f32,
     /// Cost of a doubled magnitude.
     pub(crate) magnitude_cost: f32,
+    /// Cost of a point that chooses no candidate.
+    pub(crate) nothing: f32,
     /// Candidates dearer than this are not kept.
     pub(crate) most: f32,
     /// How many are kept a point.
@@ -81,7 +83,7 @@ impl Candidates {
     }
 
     /// Collects the candidates of every point of the reference view, in the whole range of disparities or in what is
-    /// predicted around each.
+    /// predicted around each. Why a point has none, or will hardly choose one, goes to `lost`.
     pub(crate) fn gather(
         &mut self,
         rows: &[Rows; 3],
@@ -89,6 +91,7 @@ impl Candidates {
         range: Range,
         like: &Likeness,
         predicted: Option<&Surroundings>,
+        lost: &mut [Reason],
     ) {
         let reference = &rows[steps.reference];
         let (near, far) = (&rows[steps.near], &rows[steps.far]);
@@ -108,6 +111,7 @@ impl Candidates {
                     spot.x - steps.to_near * range.least,
                 ];
                 let (least, most) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+                let mut reason = Reason::NoPartner;
                 for (n, beside) in near.between(row, least, most) {
                     let near_turn = turn(spot.orientation, beside.orientation);
                     if near_turn > like.turn {
@@ -115,6 +119,7 @@ impl Candidates {
                     }
                     let short = (spot.x - beside.x) / steps.to_near;
                     if !steps.third {
+                        reason = Reason::Unlike;
                         let cost = like.cost(spot, [beside], near_turn, 0.0);
                         if cost < like.most && (range.least..=range.most).contains(&short) {
                             self.list.push(Candidate {
@@ -127,6 +132,7 @@ impl Candidates {
                         }
                         continue;
                     }
+                    reason = reason.max(Reason::ThirdView);
                     let expected = spot.x - steps.to_far * short;
                     for (f, beyond) in far.between(row, expected - like.miss, expected + like.miss)
                     {
@@ -134,6 +140,7 @@ impl Candidates {
                         if far_turn > like.turn {
                             continue;
                         }
+                        reason = Reason::Unlike;
                         let xs = steps.in_order(spot.x, beside.x, beyond.x);
                         let disparity = (xs[0] - xs[2]) / 2.0;
                         let bend = xs[1] - (xs[0] + xs[2]) / 2.0;
@@ -153,6 +160,10 @@ impl Candidates {
                 }
                 let own = &mut self.list[start..];
                 own.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.spots.cmp(&b.spots)));
+                lost[spot.point as usize] = match own.first() {
+                    Some(best) if best.cost < like.nothing => Reason::Unsteady,
+                    _ => reason,
+                };
                 self.list
                     .truncate(start + like.keep.min(self.list.len() - start));
                 self.of_point[spot.point as usize] =

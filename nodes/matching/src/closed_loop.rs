@@ -4,7 +4,7 @@
 //! does not close goes back and tries the next candidate; only a closed one is a match. Where two views must do, the
 //! loop goes to the neighbour and straight back.
 
-use messages::{Curve, NONE};
+use messages::{Curve, NONE, Reason};
 
 use crate::rows::Rows;
 use crate::vote::{Ballot, Peak, Votes};
@@ -56,7 +56,7 @@ impl ClosedLoop {
         }
     }
 
-    /// Looks for the partners of a curve of the reference view.
+    /// Looks for the partners of a curve of the reference view; gives how far the search came when there are none.
     #[expect(
         clippy::too_many_arguments,
         reason = "what is searched, where, how, and when it is found"
@@ -70,13 +70,13 @@ impl ClosedLoop {
         range: Range,
         ballot: &Ballot,
         closing: &Closing,
-    ) -> Option<Closed> {
+    ) -> Result<Closed, Reason> {
         let around = |disparity: f32| Range {
             least: disparity - closing.residual,
             most: disparity + closing.residual,
         };
         let between = steps.to_far - steps.to_near;
-        self.step(
+        let is_voted_for = self.step(
             views,
             rows,
             (steps.reference, label),
@@ -87,10 +87,15 @@ impl ClosedLoop {
             ballot,
             closing,
         );
+        let mut reason = match is_voted_for {
+            true => Reason::Votes,
+            false => Reason::NoPartner,
+        };
         for first in 0..self.peaks[0].len() {
             let near = self.peaks[0][first];
             let from = (steps.near, near.curve);
             if !steps.third {
+                reason = Reason::Loop;
                 let expected = around(near.disparity);
                 let back = self.back(
                     views,
@@ -107,7 +112,7 @@ impl ClosedLoop {
                 };
                 let residual = (near.disparity - back.disparity).abs();
                 if residual <= closing.residual {
-                    return Some(Closed {
+                    return Ok(Closed {
                         curves: steps.in_order(label, near.curve, NONE),
                         disparity: back.disparity,
                         score: near.score.min(back.score),
@@ -127,7 +132,11 @@ impl ClosedLoop {
                 ballot,
                 closing,
             );
+            if reason != Reason::Loop {
+                reason = Reason::ThirdView;
+            }
             for second in 0..self.peaks[1].len() {
+                reason = Reason::Loop;
                 let far = self.peaks[1][second];
                 let from = (steps.far, far.curve);
                 let expected = around((near.disparity + far.disparity) / 2.0);
@@ -147,7 +156,7 @@ impl ClosedLoop {
                 let way = steps.to_near * near.disparity + between * far.disparity;
                 let residual = (way - steps.to_far * back.disparity).abs();
                 if residual <= closing.residual {
-                    return Some(Closed {
+                    return Ok(Closed {
                         curves: steps.in_order(label, near.curve, far.curve),
                         disparity: back.disparity,
                         score: near.score.min(far.score).min(back.score),
@@ -156,7 +165,7 @@ impl ClosedLoop {
                 }
             }
         }
-        None
+        Err(reason)
     }
 
     /// The last step of the loop: where the curve it began with is found again, if it is the best.
@@ -180,7 +189,7 @@ impl ClosedLoop {
         best.filter(|back| back.curve == label)
     }
 
-    /// One step of the loop: the curves of view `to` that a curve may be, the best first.
+    /// One step of the loop: the curves of view `to` that a curve may be, the best first; gives whether any got votes.
     #[expect(
         clippy::too_many_arguments,
         reason = "from where to where, how far, and how"
@@ -196,11 +205,11 @@ impl ClosedLoop {
         number: usize,
         ballot: &Ballot,
         closing: &Closing,
-    ) {
+    ) -> bool {
         let peaks = &mut self.peaks[number];
         peaks.clear();
         let Some(table) = views[from].tables.tables.get(label as usize) else {
-            return;
+            return false;
         };
         let entries = &views[from].tables.entries[table.first as usize..][..table.count as usize];
         let curve: &Curve = &views[from].curves.curves[label as usize];
@@ -222,7 +231,9 @@ impl ClosedLoop {
             ballot,
             peaks,
         );
+        let is_voted_for = !peaks.is_empty();
         peaks.retain(|peak| peak.score >= closing.score);
         peaks.truncate(closing.tries);
+        is_voted_for
     }
 }

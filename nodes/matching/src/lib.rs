@@ -26,7 +26,9 @@ mod surroundings;
 mod vote;
 mod windows;
 
-use messages::{Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Size, TablesView};
+use messages::{
+    Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, TablesView,
+};
 
 pub use settings::{Assignment, Filling, Method, Reference, Settings};
 
@@ -115,6 +117,8 @@ pub struct Matcher {
     coarser: Surroundings,
     around: Surroundings,
     choices: Vec<Choice>,
+    /// Of every point of the reference view that has no choice, why it lost it.
+    lost: Vec<Reason>,
     smooth: Vec<f32>,
     closed_loop: ClosedLoop,
     /// Per curve of the reference view the loop that closed.
@@ -190,6 +194,8 @@ impl Matcher {
         }
         self.choices.clear();
         self.choices.resize(reference.points.len(), Choice::NOTHING);
+        self.lost.clear();
+        self.lost.resize(reference.points.len(), Reason::Flat);
         self.closed.clear();
         self.closed.resize(reference.curves.len(), None);
         // The central width of the filter is w = 2·√2·σ.

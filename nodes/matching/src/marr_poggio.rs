@@ -14,7 +14,7 @@
 //! - No item has two disparities: of several points that claim one partner the one stays that its neighbours agree with.
 //! - Where too few of a region's points find a partner, the images are not in register there, and all are dropped.
 
-use messages::Size;
+use messages::{Reason, Size};
 
 use crate::along::Choice;
 use crate::candidates::{Candidate, Likeness};
@@ -48,6 +48,7 @@ impl Matcher {
             gray_most: 0.0,
             better: 1.0,
             magnitude_cost: 0.0,
+            nothing: f32::INFINITY,
             most: f32::INFINITY,
             keep: usize::MAX,
         };
@@ -61,8 +62,9 @@ impl Matcher {
             least: (disparity - reach).max(range.least),
             most: (disparity + reach).min(range.most),
         });
+        let lost = &mut self.lost;
         self.candidates
-            .gather(&self.rows, steps, range_here, &like, predicted);
+            .gather(&self.rows, steps, range_here, &like, predicted, lost);
 
         self.around
             .clear(size, s.support_cell, s.support_within, range);
@@ -82,7 +84,11 @@ impl Matcher {
                 continue;
             }
             let mut best = s.majority;
-            for candidate in self.candidates.of(point) {
+            let candidates = self.candidates.of(point);
+            if !candidates.is_empty() {
+                lost[point] = Reason::Ambiguous;
+            }
+            for candidate in candidates {
                 let (share, weight) =
                     self.around
                         .agreement_with(edge.x, edge.y, candidate.disparity);
@@ -101,7 +107,8 @@ impl Matcher {
             // One that had no choice before one that was pulled, whose margin is zero.
             let worth = |choice: &Choice| f32::from(choice.margin == 0.0) - choice.support;
             let spots = self.rows[steps.near].spots.len();
-            self.support.keep_unique(spots, 0, &mut self.choices, worth);
+            self.support
+                .keep_unique(spots, 0, &mut self.choices, lost, worth);
         }
         if s.matched_share > 0.0 {
             self.regions.clear(size, s.cell);
@@ -110,9 +117,10 @@ impl Matcher {
                     self.regions.add(edge.x, edge.y, choice.is_some());
                 }
             }
-            for (edge, choice) in edges.iter().zip(&mut self.choices) {
+            for ((edge, choice), lost) in edges.iter().zip(&mut self.choices).zip(lost) {
                 if choice.is_some() && self.regions.share(edge.x, edge.y) < s.matched_share {
                     *choice = Choice::NOTHING;
+                    *lost = Reason::Region;
                 }
             }
         }

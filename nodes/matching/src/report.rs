@@ -1,12 +1,12 @@
-//! Choices written down as matches.
+//! Choices written down as matches, and why there are no others.
 
-use messages::{CurvesView, Match, MatchPoint, MatchesRoom, NONE};
+use messages::{CurvesView, Match, MatchPoint, MatchesRoom, NONE, Reason, Rejected};
 
 use crate::along::Choice;
 use crate::{Assignment, Matcher, Method, Steps};
 
 impl Matcher {
-    /// Writes down the matched curves and their points.
+    /// Writes down the matched curves and their points, and of the others why they are not matched.
     pub(crate) fn report(
         &mut self,
         reference: CurvesView<'_>,
@@ -31,6 +31,7 @@ impl Matcher {
                 }
                 let score = confidence(choice, change(choices, at));
                 if score < least {
+                    self.lost[point] = Reason::Unsure;
                     continue;
                 }
                 disparity += choice.disparity;
@@ -56,6 +57,10 @@ impl Matcher {
             }
             let count = room.points.len() as u32 - first;
             if count == 0 {
+                room.rejected.push(Rejected {
+                    curve: label,
+                    reason: most_frequent(&self.lost[curve.range()]).code(),
+                });
                 continue;
             }
             let found = Match {
@@ -78,6 +83,19 @@ impl Matcher {
             });
         }
     }
+}
+
+/// What most of a curve's points failed: points too flat to be searched for count when there are no others.
+fn most_frequent(lost: &[Reason]) -> Reason {
+    let mut counts = [0u32; Reason::ALL.len()];
+    for reason in lost {
+        counts[*reason as usize - 1] += 1;
+    }
+    counts[Reason::Flat as usize - 1] = 0;
+    let counted = Reason::ALL.into_iter().zip(counts);
+    let most = counted.max_by_key(|&(_, count)| count);
+    most.filter(|&(_, count)| count > 0)
+        .map_or(Reason::Flat, |(reason, _)| reason)
 }
 
 /// The partner most points chose.
@@ -171,6 +189,22 @@ mod tests {
             let surer = confidence(&choice, change);
             assert!(surer > score && surer <= 1.0, "{choice:?}, {change}");
         }
+    }
+
+    #[test]
+    fn the_reason_is_what_most_points_failed_and_of_equals_the_later() {
+        use Reason::{Flat, NoPartner, ThirdView, Unsure};
+        assert_eq!(
+            most_frequent(&[NoPartner, ThirdView, NoPartner, Unsure]),
+            NoPartner
+        );
+        assert_eq!(
+            most_frequent(&[Unsure, NoPartner, Unsure, NoPartner]),
+            Unsure
+        );
+        assert_eq!(most_frequent(&[Flat, Flat, Flat, ThirdView]), ThirdView);
+        assert_eq!(most_frequent(&[Flat, Flat]), Flat);
+        assert_eq!(most_frequent(&[]), Flat);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What neighbours say: uniqueness in the other views, support in the reference view.
 
-use messages::NONE;
+use messages::{NONE, Reason};
 
 use crate::along::Choice;
 
@@ -17,6 +17,7 @@ impl Support {
         spots: usize,
         which: usize,
         choices: &mut [Choice],
+        lost: &mut [Reason],
         worth: impl Fn(&Choice) -> f32,
     ) {
         self.claims.clear();
@@ -39,6 +40,7 @@ impl Support {
             // A branch repeats points of the curve it leaves: the same disparity is no contradiction.
             if winner != point && (choices[winner].disparity - choice.disparity).abs() > 0.5 {
                 choices[point] = Choice::NOTHING;
+                lost[point] = Reason::NotUnique;
             }
         }
     }
@@ -63,7 +65,10 @@ mod tests {
             choice(7.0, 0.9, 4),
             choice(9.1, 0.3, 3),
         ];
-        Support::default().keep_unique(10, 0, &mut choices, |choice| choice.cost);
+        let mut lost = [Reason::Flat; 5];
+        Support::default().keep_unique(10, 0, &mut choices, &mut lost, |choice| choice.cost);
+        let flat = Reason::Flat;
+        assert_eq!(lost, [Reason::NotUnique, flat, flat, flat, flat]);
         let kept: Vec<f32> = choices
             .iter()
             .filter(|choice| choice.is_some())

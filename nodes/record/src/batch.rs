@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use mcap::records::op;
 use messages::change::Change;
-use messages::record::{Codec, Content, Encoder, Sink};
+use messages::record::{Codec, Content, Encoder, Shown, Sink};
 use messages::{Kind, Rig};
 
 use crate::Settings;
@@ -120,10 +120,13 @@ pub(crate) fn channel_id(index: usize) -> u16 {
 
 /// The kinds of message that a recording with these settings is made of: what it holds, and what its views show.
 pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
-    let viewed = [Kind::Curves, Kind::Matches, Kind::Disparity, Kind::Points];
+    let is_shown = |kind: &Kind| match kind {
+        Kind::Curves | Kind::Matches => settings.views || settings.rejected,
+        Kind::Disparity | Kind::Points => settings.views,
+        _ => false,
+    };
     let mut kinds = Kind::ALL.to_vec();
-    kinds
-        .retain(|kind| !settings.without.contains(kind) || settings.views && viewed.contains(kind));
+    kinds.retain(|kind| !settings.without.contains(kind) || is_shown(kind));
     kinds
 }
 
@@ -131,7 +134,10 @@ pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
 /// with index `reference`, and these kinds of message are made.
 pub fn encoder(rig: &Rig, reference: usize, made: &[Kind], settings: &Settings) -> Encoder {
     let codec = Codec::new(rig.clone(), reference);
-    let mut channels = codec.channels(settings.views);
+    let mut channels = codec.channels(Shown {
+        views: settings.views,
+        rejected: settings.rejected,
+    });
     channels.retain(|channel| match &channel.content {
         Content::Data(topic) => {
             made.contains(&topic.kind) && !settings.without.contains(&topic.kind)

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use messages::Rig;
 use messages::ledger::Ledger;
+use messages::record::Shown;
 use serde::Serialize;
 
 use crate::Recording;
@@ -186,7 +187,7 @@ fn topics(recording: &Recording, duration: f64) -> Vec<TopicInfo> {
             *counts.entry(topic).or_default() += 1;
         }
     }
-    let places = recording.codec().channels(true);
+    let places = recording.codec().channels(Shown::ALL);
     let place = |topic: &str| places.iter().position(|channel| channel.name == topic);
     let mut all: Vec<_> = recording.channels().into_iter().collect();
     all.sort_by_key(|(topic, _)| (place(topic).unwrap_or(usize::MAX), *topic));

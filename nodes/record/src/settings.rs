@@ -42,6 +42,9 @@ messages::settings! {
         pub chunk_bytes: u64 = 1_048_576, in 65_536..=1_073_741_824;
         /// Whether views for people are recorded too: curves over each image, the disparity picture in colours.
         pub views: bool = true;
+        /// Whether curves that were not matched are recorded over each image too, by reason and with it in words, as
+        /// `camera/VIEW/rejected`. Viewers of a running graph see them in any case.
+        pub rejected: bool = false;
         /// Kinds of data that are left out: `edges`, `curves`, `tables` … What is left out cannot be replayed from.
         pub without: Vec<Kind> = Vec::new();
         /// Bytes after which the next scan goes into a new part; without it size does not matter.

@@ -243,6 +243,95 @@ fn without_views_only_data_and_scene_are_recorded() {
 }
 
 #[test]
+fn rejected_curves_are_recorded_over_the_images_only_when_asked_for() {
+    let topics = |views: bool, rejected: bool| {
+        let (_folder, path) = folder();
+        let settings = Settings {
+            views,
+            rejected,
+            ..Settings::default()
+        };
+        record(&path, &settings, 0..2);
+        let info = Info::of(&Recording::open(&path).unwrap());
+        assert!(info.complete);
+        let topics = info.topics.into_iter();
+        let topics = topics.filter(|topic| topic.schema == "foxglove.ImageAnnotations");
+        topics
+            .map(|topic| (topic.topic, topic.count))
+            .collect::<Vec<_>>()
+    };
+    let of = |what: &str| {
+        ["left", "centre", "right"].map(|view| (format!("camera/{view}/{what}"), 2u64))
+    };
+    assert!(!Settings::default().rejected);
+    assert_eq!(topics(true, false), of("annotations"));
+    assert_eq!(topics(false, true), of("rejected"));
+    let both = [of("annotations"), of("rejected")].concat();
+    assert_eq!(topics(true, true), both);
+}
+
+#[test]
+fn what_is_only_shown_is_taken_though_it_is_left_out() {
+    let taken = |views: bool, rejected: bool| {
+        let without = vec![Kind::Curves, Kind::Matches, Kind::Points, Kind::Tables];
+        let settings = Settings {
+            views,
+            rejected,
+            without,
+            ..Settings::default()
+        };
+        let kinds = record::taken_kinds(&settings);
+        [Kind::Curves, Kind::Matches, Kind::Points, Kind::Tables].map(|kind| kinds.contains(&kind))
+    };
+    assert_eq!(taken(false, false), [false; 4]);
+    assert_eq!(taken(true, false), [true, true, true, false]);
+    assert_eq!(taken(false, true), [true, true, false, false]);
+}
+
+/// Wants messages of some channels only, and counts them by channel.
+struct Picky<F>(F, Vec<usize>);
+
+impl<F: Fn(usize) -> bool> messages::record::Sink for Picky<F> {
+    fn begin(&mut self, _sequence: u64, _nanos: u64) {}
+
+    fn nanos(&self) -> u64 {
+        START
+    }
+
+    fn wants(&self, channel: usize) -> bool {
+        (self.0)(channel)
+    }
+
+    fn add(&mut self, channel: usize, encode: impl FnOnce(&mut Vec<u8>)) {
+        let mut message = Vec::new();
+        encode(&mut message);
+        assert!(!message.is_empty());
+        self.1.push(channel);
+    }
+
+    fn len(&self) -> usize {
+        0
+    }
+}
+
+#[test]
+fn what_nobody_wants_is_not_encoded() {
+    let settings = Settings {
+        rejected: true,
+        ..Settings::default()
+    };
+    let mut encoder = synthetic::encoder(&rig(), &settings);
+    let channels: Vec<String> = encoder.channels().iter().map(|c| c.name.clone()).collect();
+    let is_rejected = |channel: usize| channels[channel].ends_with("/rejected");
+    let mut without = Picky(|channel| !is_rejected(channel), Vec::new());
+    encoder.encode(&scan(0).messages(), &mut without);
+    assert!(without.1.len() > 20 && !without.1.iter().any(|&channel| is_rejected(channel)));
+    let mut only = Picky(is_rejected, Vec::new());
+    encoder.encode(&scan(0).messages(), &mut only);
+    assert_eq!(only.1.len(), 3);
+}
+
+#[test]
 fn every_message_carries_its_scans_time_and_number() {
     let (_folder, path) = folder();
     record(&path, &Settings::default(), 0..3);

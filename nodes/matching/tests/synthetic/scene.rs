@@ -3,7 +3,7 @@
 use matching::{ChannelView, Matcher};
 use messages::{
     Calibration, Curve, Curves, Disparity, Edge, Match, MatchPoint, Matches, MatchesRoom, Message,
-    NONE, Owned, Point, Points, Size, Tables,
+    NONE, Owned, Point, Points, Reason, Rejected, Size, Tables,
 };
 
 /// The curves of one view.
@@ -24,6 +24,7 @@ pub(crate) struct Scene {
 pub(crate) struct Found {
     pub(crate) matches: Vec<Match>,
     pub(crate) match_points: Vec<MatchPoint>,
+    pub(crate) rejected: Vec<Rejected>,
     pub(crate) points: Vec<Point>,
     pub(crate) disparity: Vec<f32>,
 }
@@ -147,12 +148,19 @@ pub(crate) fn run_channels(channels: &[&Scene], matcher: &mut Matcher, size: Siz
     Found {
         matches: finest.matches.to_vec(),
         match_points: finest.points.to_vec(),
+        rejected: finest.rejected.to_vec(),
         points: points.view().points.to_vec(),
         disparity: disparity.view().disparity.to_vec(),
     }
 }
 
 impl Found {
+    /// Why the curves were not matched that were not, in order.
+    pub(crate) fn reasons(&self) -> Vec<Reason> {
+        let reason = |rejected: &Rejected| Reason::of(rejected.reason).unwrap();
+        self.rejected.iter().map(reason).collect()
+    }
+
     /// The points of each curve of the reference view.
     pub(crate) fn by_curve(&self, curves: usize) -> Vec<Vec<Point>> {
         let own = |curve: usize| {

@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 
 use messages::{
     AnyView, Calibration, Curve, Curves, Disparity, Edge, Edges, Entry, Header, Image, Kind, Match,
-    MatchPoint, Matches, Owned, Point, Points, Rig, Size, Table, Tables, Topic,
+    MatchPoint, Matches, Owned, Point, Points, Reason, Rejected, Rig, Size, Table, Tables, Topic,
 };
 use record::{Batch, Encoder, Metadata, Settings};
 
@@ -147,6 +147,12 @@ impl Scan {
             scan.matches
                 .push(owned(head, |room: &mut messages::MatchesRoom<'_>| {
                     // One in four is not matched.
+                    for curve in curves.curves.iter().filter(|c| c.label % 4 == 3) {
+                        room.rejected.push(Rejected {
+                            curve: curve.label,
+                            reason: Reason::ALL[curve.label as usize % 13].code(),
+                        });
+                    }
                     let found = discs
                         .iter()
                         .zip(curves.curves)
