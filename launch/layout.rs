@@ -270,7 +270,7 @@ mod tests {
             };
             (channel.name, topic)
         };
-        let all = codec.channels(true).into_iter();
+        let all = codec.channels(messages::record::Shown::ALL).into_iter();
         let all = all.filter(|channel| channel.content != Content::Ledger);
         There {
             topics: all.map(topic).collect(),

@@ -268,7 +268,7 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
 
 /// What a running graph has to show.
 fn there_of(codec: &Codec, made: &[messages::Kind]) -> There {
-    let channels = codec.channels(true).into_iter();
+    let channels = codec.channels(messages::record::Shown::ALL).into_iter();
     let channels = channels.filter(|channel| match &channel.content {
         Content::Data(topic) => made.contains(&topic.kind),
         _ => true,
