@@ -315,6 +315,7 @@ pub struct Bus {
     /// How many times the node was started before.
     life: u32,
     subscribers: Vec<Rc<ports::DataSubscriber>>,
+    began: Instant,
     next_report: Instant,
 }
 
@@ -357,6 +358,7 @@ impl Bus {
                 ..Book::default()
             })),
             subscribers: Vec::new(),
+            began: Instant::now(),
             next_report: Instant::now() + REPORT_EVERY,
             name: name.to_owned(),
             run,
@@ -638,6 +640,7 @@ impl Bus {
             counts: counts.iter().map(count).collect(),
             done: book.done.as_ref().map(Seen::count),
             bytes: book.bytes,
+            seconds: self.began.elapsed().as_secs_f64(),
             failed: None,
             life: self.life,
         }

@@ -142,6 +142,9 @@ pub struct NodeReport {
     /// Bytes its process has published: what messages hold, not the room they had.
     #[serde(default)]
     pub bytes: u64,
+    /// How long its process had been part of the run, in seconds.
+    #[serde(default)]
+    pub seconds: f64,
     /// How many times it was started before in this run.
     #[serde(default)]
     pub life: u32,
