@@ -47,6 +47,10 @@ pub(crate) enum Command {
     Tune(Tune),
     /// Write a recording as one HTML page: figures, points in space, how the run went
     Report(Report),
+    /// Show how the graphs that run are doing, as they go: rates, load, queues, latencies, losses
+    Top(Top),
+    /// Measure what recording and viewing cost the graph
+    Bench(Bench),
     /// List, measure or print the topics of a graph that runs
     Topic(TopicArgs),
     /// List the nodes of a graph that runs, or restart one
@@ -519,6 +523,78 @@ pub(crate) struct Report {
     /// Overwrite a page that is there already
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+/// What the figures of `top` are.
+const TOP_FIGURES: &str = "\
+Keys: arrows or Tab choose a graph and a node, r and then y restart the node, q, Esc or Ctrl-C end.
+
+Of each graph, by its key in JSON:
+  run                     its name
+  seconds                 the interval
+  scans_done, scans_total, scans_under_way
+                          scans; in all, where the source knows how many
+  scans_dropped, scans_dropped_by_cause
+                          scans turned away at the door
+  triples_per_second      scans done a second, in the interval
+  recorder_lag_scans      scans let in that its recorder has not written; null without one
+  paused, launcher_silent, ended
+                          true or false
+  nodes                   along the pipe:
+    node                  its name
+    state                 starting, running, stopped, finished, failed or gone
+    restarts              how often its process was started again
+    cpu_percent           of one core, in the interval
+    memory_megabytes      memory of its own, without what is shared
+    hz                    how often each of its topics was published a second, between two reports
+    megabytes_per_second  what its messages held, between two reports
+    queue_scans           scans of which it has received something and is not done with
+    p50_ms, p99_ms        milliseconds it worked on a scan, since its process began
+    drops, drops_by_cause messages or elements it lost, since its process began
+What does not apply or is not known yet is null.
+
+A megabyte is a million bytes. Nothing is subscribed to: nodes report once a second in any case.";
+
+#[derive(Debug, Args)]
+#[command(after_long_help = TOP_FIGURES)]
+pub(crate) struct Top {
+    /// Which run, by its name or the beginning of it; without it, all that are alive
+    #[arg(long, value_name = "NAME")]
+    pub(crate) run: Option<String>,
+    /// Print one table after one interval, as it is done where the output is no terminal
+    #[arg(long)]
+    pub(crate) once: bool,
+    /// Print it as JSON, once
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// The interval
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = seconds)]
+    pub(crate) every: f64,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Bench {
+    /// Compare the graph without observers, with the recorder, with a viewer that takes everything, and with both
+    #[arg(long, required = true)]
+    pub(crate) observers: bool,
+    /// What the graph looks at: as in `run`
+    #[arg(long, value_name = "SPEC", default_value = "scene:all")]
+    pub(crate) source: String,
+    /// How many scans are measured each time, after others that fill the graph; without it, 20 and for 4 seconds at least
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    pub(crate) scans: Option<u64>,
+    /// How often each is measured, in turn: a machine that is slower for a while is slower for all
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) rounds: u32,
+    /// Which settings to start from
+    #[arg(long, value_enum, default_value = "default")]
+    pub(crate) profile: Profile,
+    /// Set one key of one node
+    #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]

@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+mod bench;
 mod clean;
 mod completions;
 mod evaluate;
@@ -13,6 +14,7 @@ mod replay;
 mod report;
 mod rewrite;
 mod run;
+mod top;
 mod topic;
 mod tune;
 mod validate;
@@ -37,6 +39,8 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Tune(args) => tune::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Top(args) => top::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Topic(args) => topic::run(&args),
         Command::Node(args) => node::run(&args),
         Command::Param(args) => param::run(&args),

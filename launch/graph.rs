@@ -486,6 +486,24 @@ mod tests {
     }
 
     #[test]
+    fn a_node_is_added_where_it_is_missing_and_nowhere_else() {
+        let mut overrides = Overrides::default();
+        overrides.with("bridge");
+        overrides.with("track");
+        overrides.set("bridge", "port", 0);
+        let text = format!("{BUILT_IN}[bridge]\nhost = \"::1\"\n");
+        for (text, host) in [(BUILT_IN, "127.0.0.1"), (&text, "::1")] {
+            let graph = Graph::parse(text, Profile::Default, &overrides).unwrap();
+            let bridge = graph.settings_of("bridge");
+            assert_eq!(
+                (&bridge["port"], &bridge["host"]),
+                (&0.into(), &host.into())
+            );
+            assert_eq!(graph.node_plans().len(), 8);
+        }
+    }
+
+    #[test]
     fn a_graph_with_a_gap_says_which_node_is_missing() {
         let error = load("[capture]\n[filter]\n[hough]\n[match]\n", &[]).unwrap_err();
         assert_eq!(error, "hough takes curves, which track makes: add [track]");

@@ -13,7 +13,7 @@ use crate::node::Orders;
 use crate::parameters::Parameters;
 use crate::progress::{Progress, Timeline};
 use crate::rundir::{self, RunDir, SHARED_MEMORY};
-use crate::supervisor::{Duty, Ran, Supervisor};
+use crate::supervisor::{Duty, Ran, Supervisor, Watcher};
 
 /// How much of the worst case, every pixel a zero-crossing of a long curve, a scan can need: white noise, which no
 /// picture exceeds, has a zero-crossing at less than a third of its pixels in the finest channel allowed.
@@ -38,7 +38,18 @@ pub(crate) struct Launch<'a> {
 }
 
 /// Runs a graph to its end; what its nodes left in the run's folder is there as long as that is held.
-pub(crate) fn launch(launch: Launch<'_>) -> Result<(Ran, RunDir), Failure> {
+pub(crate) fn launch(mut launch: Launch<'_>) -> Result<(Ran, RunDir), Failure> {
+    let mut progress = Progress::new(launch.is_quiet, launch.timeline.take());
+    let ran = launch_before(launch, &mut progress);
+    progress.end();
+    ran
+}
+
+/// Runs a graph to its end, before a watcher of its own.
+pub(crate) fn launch_before(
+    launch: Launch<'_>,
+    watcher: &mut impl Watcher,
+) -> Result<(Ran, RunDir), Failure> {
     // What dead runs left would only be in the way.
     rundir::clean()
         .map_err(|e| Failure::failed(format!("cannot clean up after dead runs: {e}")))?;
@@ -49,10 +60,9 @@ pub(crate) fn launch(launch: Launch<'_>) -> Result<(Ran, RunDir), Failure> {
         rig,
         scans,
         remarks,
-        is_quiet,
-        timeline,
         changes,
         no_seek,
+        ..
     } = launch;
     let in_flight = graph.source_settings().get("in_flight");
     let run = Run {
@@ -94,10 +104,8 @@ pub(crate) fn launch(launch: Launch<'_>) -> Result<(Ran, RunDir), Failure> {
         guests,
         no_seek,
     };
-    let mut progress = Progress::new(is_quiet, timeline);
-    let ran = Supervisor::run(duty, &mut progress);
-    progress.end();
-    Ok((ran?, dir))
+    let ran = Supervisor::run(duty, watcher)?;
+    Ok((ran, dir))
 }
 
 /// Says before the start when shared memory could run full: the kernel would kill a node in the middle of its work.

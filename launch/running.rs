@@ -32,30 +32,58 @@ pub(crate) struct Process {
 }
 
 impl Running {
-    /// The run that is meant: by the beginning of its name, or the only one.
+    /// The run that is meant: by its name or the beginning of it, or the only one.
     pub(crate) fn choose(wanted: Option<&str>) -> Result<Self, Failure> {
-        let alive =
-            rundir::alive().map_err(|e| Failure::failed(format!("cannot look for runs: {e}")))?;
+        let alive = alive()?;
         let names: Vec<String> = alive.iter().map(|run| name_of(run)).collect();
-        let names = names.join(", ");
-        let is_meant =
-            |run: &&PathBuf| wanted.is_none_or(|wanted| name_of(run).starts_with(wanted));
+        let is_named = |wanted: &&str| names.iter().any(|name| name == wanted);
+        let whole_name = wanted.filter(is_named);
+        let is_meant = |run: &&PathBuf| {
+            let name = name_of(run);
+            match whole_name {
+                Some(whole) => name == whole,
+                None => wanted.is_none_or(|wanted| name.starts_with(wanted)),
+            }
+        };
         let meant: Vec<&PathBuf> = alive.iter().filter(is_meant).collect();
-        match (meant.as_slice(), alive.len()) {
-            ([run], _) => Ok(Self {
-                folder: (*run).clone(),
-                orders: Orders::read(run).map_err(Failure::failed)?,
-            }),
-            (_, 0) => Err(Failure::failed(
-                "no graph of yours is running: start one with `tricurve run`",
-            )),
-            ([], _) => Err(Failure::usage(format!(
-                "no run is called so; there are {names}"
+        let names = names.join(", ");
+        match (meant.as_slice(), wanted) {
+            ([run], _) => Self::of(run),
+            _ if alive.is_empty() => Err(none()),
+            ([], Some(wanted)) => Err(Failure::usage(format!(
+                "no run is called {wanted:?}; there are {names}"
             ))),
             _ => Err(Failure::usage(format!(
                 "several graphs run: choose one with --run, of {names}"
             ))),
         }
+    }
+
+    /// The run that is meant, or without a name all there are.
+    pub(crate) fn all(wanted: Option<&str>) -> Result<Vec<Self>, Failure> {
+        if wanted.is_some() {
+            return Ok(vec![Self::choose(wanted)?]);
+        }
+        // One that is just beginning or ending has no orders yet, or no more.
+        let running = alive()?.into_iter().filter_map(|run| Self::of(&run).ok());
+        let running: Vec<Self> = running.collect();
+        match running.is_empty() {
+            true => Err(none()),
+            false => Ok(running),
+        }
+    }
+
+    fn of(folder: &Path) -> Result<Self, Failure> {
+        let orders = Orders::read(folder).map_err(|error| {
+            let name = name_of(folder);
+            Failure::failed(format!(
+                "the graph {name} is just beginning or ending: {error}"
+            ))
+        })?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            orders,
+        })
     }
 
     pub(crate) fn name(&self) -> String {
@@ -110,6 +138,14 @@ impl Running {
             memory_bytes: kilobytes.unwrap_or_default() * 1024,
         })
     }
+}
+
+fn alive() -> Result<Vec<PathBuf>, Failure> {
+    rundir::alive().map_err(|e| Failure::failed(format!("cannot look for runs: {e}")))
+}
+
+fn none() -> Failure {
+    Failure::failed("no graph of yours is running: start one with `tricurve run`")
 }
 
 fn name_of(run: &Path) -> String {

@@ -68,6 +68,10 @@ pub(crate) trait Watcher {
     fn has_keys(&self) -> bool;
     /// Something to tell the user.
     fn say(&mut self, level: Level, node: &str, text: &str);
+    /// Whether what was to be seen was seen: then no further scan goes in, and the pipe drains.
+    fn has_enough(&self) -> bool {
+        false
+    }
 }
 
 /// What happens to the supervisor.
@@ -127,6 +131,7 @@ pub(crate) struct Supervisor<'a, W> {
     restarts_since_progress: u32,
     connecting: bool,
     signals: u32,
+    is_draining: bool,
     moved: Instant,
     has_resent: bool,
     playing: Option<Playing>,
@@ -159,6 +164,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             restarts_since_progress: 0,
             connecting: false,
             signals: 0,
+            is_draining: false,
             moved: Instant::now(),
             has_resent: false,
             playing: None,
@@ -194,6 +200,9 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             if self.signals > 1 {
                 let seconds = began.map_or(0.0, |began| began.elapsed().as_secs_f64());
                 return Ok(self.result(Outcome::Aborted, seconds));
+            }
+            if !self.is_draining && self.watcher.has_enough() {
+                self.drain();
             }
             self.check_patience();
         }
@@ -273,6 +282,12 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         })
     }
 
+    /// Lets no further scan in.
+    fn drain(&mut self) {
+        self.is_draining = true;
+        self.nodes[0].tell(&Command::Drain);
+    }
+
     /// Takes in what happens, at most for this long.
     fn hear(&mut self, timeout: Duration) -> Result<(), Failure> {
         match self.news.recv_timeout(timeout) {
@@ -290,7 +305,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                         "launch",
                         "stopping: the pipe drains; once more aborts",
                     );
-                    self.nodes[0].tell(&Command::Drain);
+                    self.drain();
                 }
             }
             Ok(_) | Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
@@ -595,7 +610,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             if is_restart {
                 self.nodes[0].tell(&Command::Resend);
             }
-            if self.signals > 0 {
+            if self.is_draining {
                 self.nodes[0].tell(&Command::Drain);
             }
         }

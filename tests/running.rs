@@ -1,14 +1,23 @@
-//! Looking at a graph that runs: its topics, its nodes.
+//! Looking at a graph that runs: its topics, its nodes, how it is doing, what looking costs.
 #![expect(clippy::unwrap_used, reason = "tests")]
 
 mod harness;
 
-use std::process::Child;
+use std::fs::File;
+use std::io::{Read as _, Write as _};
+use std::os::unix::process::CommandExt as _;
+use std::process::{Child, Stdio};
+use std::sync::{Arc, Mutex};
 
 use harness::{Ran, World, signal, wait_until};
+use rustix::fs::{Mode, OFlags};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
+use serde_json::Value;
 
 /// Starts a graph that runs until it is told to stop, and waits until it does.
 fn graph(world: &World) -> Child {
+    let before = world.nodes().len();
     let scene = world.small_scene("scene");
     let source = scene.to_string_lossy();
     let run = [
@@ -21,7 +30,7 @@ fn graph(world: &World) -> Child {
         "--json",
     ];
     let child = world.start(&run);
-    wait_until("the graph runs", || world.nodes().len() == 5);
+    wait_until("the graph runs", || world.nodes().len() == before + 5);
     child
 }
 
@@ -119,8 +128,13 @@ fn a_node_that_is_restarted_by_hand_loses_nothing() {
 #[test]
 fn without_a_graph_that_is_said() {
     let world = World::new();
-    for command in [["topic", "list"], ["node", "list"]] {
-        let ran = world.run(&command);
+    for command in [
+        &["topic", "list"][..],
+        &["node", "list"],
+        &["top"],
+        &["top", "--once", "--json"],
+    ] {
+        let ran = world.run(command);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(
             ran.err.contains("start one with `tricurve run`"),
@@ -128,4 +142,259 @@ fn without_a_graph_that_is_said() {
             ran.err
         );
     }
+}
+
+/// The figures of the only graph that `top` shows.
+fn only(top: &Value) -> &Value {
+    let graphs = top["graphs"].as_array().unwrap();
+    assert_eq!(graphs.len(), 1, "{top}");
+    &graphs[0]
+}
+
+#[test]
+fn top_names_every_node_with_sane_figures() {
+    let world = World::new();
+    let graph = graph(&world);
+    world
+        .run(&["topic", "echo", "points", "--count", "1"])
+        .done();
+    let json = world.run(&["top", "--once", "--json"]).done().json();
+    let seen = only(&json);
+    for (key, most) in [
+        ("seconds", 10.0),
+        ("triples_per_second", 1e4),
+        ("scans_done", 1e6),
+    ] {
+        let value = seen[key].as_f64().unwrap();
+        assert!(value > 0.0 && value < most, "{key}: {seen}");
+    }
+    assert_eq!(seen["scans_total"], 1_000_000);
+    assert_eq!(seen["scans_dropped"], 0);
+    assert_eq!(seen["recorder_lag_scans"], Value::Null);
+    for (key, value) in [
+        ("paused", false),
+        ("launcher_silent", false),
+        ("ended", false),
+    ] {
+        assert_eq!(seen[key], value, "{key}: {seen}");
+    }
+    let nodes = seen["nodes"].as_array().unwrap();
+    let names: Vec<&str> = nodes.iter().map(|n| n["node"].as_str().unwrap()).collect();
+    assert_eq!(names, ["capture", "filter", "track", "hough", "match"]);
+    for node in nodes {
+        assert_eq!(node["state"], "running", "{node}");
+        assert_eq!((&node["restarts"], &node["drops"]), (&0.into(), &0.into()));
+        for (key, most) in [
+            ("hz", 1e4),
+            ("megabytes_per_second", 1e5),
+            ("memory_megabytes", 1e4),
+            ("p99_ms", 1e5),
+        ] {
+            let value = node[key].as_f64().unwrap();
+            assert!(value > 0.0 && value < most, "{key}: {node}");
+        }
+        // Processor time is counted in hundredths of a second.
+        let cpu = node["cpu_percent"].as_f64().unwrap();
+        assert!((0.0..10_000.0).contains(&cpu), "{node}");
+        assert!(node["p50_ms"].as_f64() <= node["p99_ms"].as_f64(), "{node}");
+        let queue = node["queue_scans"].as_u64();
+        assert_eq!(queue.is_none(), node["node"] == "capture", "{node}");
+        assert!(queue.unwrap_or_default() <= 64, "{node}");
+    }
+    let table = world.run(&["top", "--every", "0.5"]).done().out;
+    assert_eq!(table.lines().count(), 8, "{table}");
+    assert!(table.contains(" triples/s\n"), "{table}");
+    let wrong = world.run(&["top", "--every", "0"]);
+    assert_eq!(wrong.code, Some(2), "{wrong:?}");
+    ends_balanced(graph);
+}
+
+#[test]
+fn of_two_graphs_top_shows_both_and_every_command_takes_the_one_that_is_named() {
+    let world = World::new();
+    let graphs = [graph(&world), graph(&world)];
+    let both = world.run(&["top", "--once", "--json"]).done().json();
+    assert_eq!(both["graphs"].as_array().unwrap().len(), 2, "{both}");
+    // A run's name begins with its launcher's process.
+    let begins = graphs.each_ref().map(|graph| format!("{:x}-", graph.id()));
+    for begin in &begins {
+        let with_name = |arguments: &[&str]| world.run(&[arguments, &["--run", begin]].concat());
+        let top = with_name(&["top", "--once", "--json", "--every", "0.5"]).done();
+        let run = only(&top.json())["run"].as_str().unwrap().to_owned();
+        assert!(run.starts_with(begin), "{run}");
+        for arguments in [
+            &["topic", "list"][..],
+            &["topic", "info", "points"],
+            &["topic", "hz", "points", "--seconds", "0.5"],
+            &["topic", "echo", "points", "--count", "1"],
+            &["node", "list"],
+        ] {
+            with_name(arguments).done();
+        }
+    }
+    let restart = ["node", "restart", "track", "--run", &begins[1]];
+    world.run(&restart).done();
+    let restarts = |begin: &str| {
+        let list = ["node", "list", "--json", "--run", begin];
+        world.run(&list).done().json()[2]["restarts"].clone()
+    };
+    wait_until("it is there again", || restarts(&begins[1]) == 1);
+    assert_eq!(restarts(&begins[0]), 0);
+    for arguments in [
+        &["topic", "list"][..],
+        &["node", "list"],
+        &["node", "restart", "track"],
+    ] {
+        let ran = world.run(arguments);
+        assert_eq!(ran.code, Some(2), "{ran:?}");
+        assert!(ran.err.contains("choose one with --run, of "), "{ran:?}");
+    }
+    let wrong = world.run(&["top", "--run", "nobody"]);
+    assert_eq!(wrong.code, Some(2), "{wrong:?}");
+    assert!(
+        wrong.err.contains("no run is called \"nobody\""),
+        "{wrong:?}"
+    );
+    for graph in graphs {
+        ends_balanced(graph);
+    }
+}
+
+/// `top` at a terminal of its own.
+struct AtTerminal {
+    top: Child,
+    keys: File,
+    terminal: File,
+    seen: Arc<Mutex<Vec<u8>>>,
+}
+
+impl AtTerminal {
+    fn start(world: &World) -> Self {
+        let keys = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        grantpt(&keys).unwrap();
+        unlockpt(&keys).unwrap();
+        let name = ptsname(&keys, Vec::new()).unwrap();
+        let flags = OFlags::RDWR | OFlags::NOCTTY;
+        let terminal = rustix::fs::open(name.as_c_str(), flags, Mode::empty()).unwrap();
+        let terminal = File::from(terminal);
+        let size = Winsize {
+            ws_row: 24,
+            ws_col: 100,
+            ws_xpixel: 0,
+            ws_ypixel: 0,
+        };
+        tcsetwinsize(&terminal, size).unwrap();
+        let keys = File::from(keys);
+        let seen = Arc::new(Mutex::new(Vec::new()));
+        let (mut screen, written) = (keys.try_clone().unwrap(), Arc::clone(&seen));
+        std::thread::spawn(move || {
+            let mut bytes = [0; 4096];
+            while let Ok(len @ 1..) = screen.read(&mut bytes) {
+                written.lock().unwrap().extend_from_slice(&bytes[..len]);
+            }
+        });
+        let stdio = || Stdio::from(terminal.try_clone().unwrap());
+        let mut top = world.tricurve(&["top", "--every", "0.2"]);
+        top.stdin(stdio()).stdout(stdio()).stderr(stdio());
+        Self {
+            top: top.process_group(0).spawn().unwrap(),
+            keys,
+            terminal,
+            seen,
+        }
+    }
+
+    fn has_shown(&self, text: &str) -> bool {
+        String::from_utf8_lossy(&self.seen.lock().unwrap()).contains(text)
+    }
+
+    fn takes_keys_raw(&self) -> bool {
+        let modes = tcgetattr(&self.terminal).unwrap().local_modes;
+        !modes.contains(LocalModes::ICANON)
+    }
+
+    /// Waits until it has ended and given the terminal back.
+    #[track_caller]
+    fn ends_well(mut self) {
+        assert_eq!(self.top.wait().unwrap().code(), Some(0));
+        assert!(!self.takes_keys_raw());
+        wait_until("the screen is as it was", || self.has_shown("\x1b[?1049l"));
+        wait_until("the cursor is there again", || self.has_shown("\x1b[?25h"));
+    }
+}
+
+#[test]
+fn top_gives_the_terminal_back_whatever_ends_it() {
+    let world = World::new();
+    let graph = graph(&world);
+    let start = || {
+        let top = AtTerminal::start(&world);
+        wait_until("the graph is shown", || top.has_shown("triples/s"));
+        assert!(top.takes_keys_raw());
+        top
+    };
+    for keys in ["q", "\x1b", "\x03"] {
+        let mut top = start();
+        top.keys.write_all(keys.as_bytes()).unwrap();
+        top.ends_well();
+    }
+    let top = start();
+    signal(top.top.id(), "TERM");
+    top.ends_well();
+    // A node is restarted by key, when that is confirmed.
+    let mut top = start();
+    top.keys.write_all(b"\x1b[Bry").unwrap();
+    let nodes = || world.run(&["node", "list", "--json"]).done().json();
+    wait_until("it is there again", || nodes()[1]["restarts"] == 1);
+    ends_balanced(graph);
+    wait_until("that is said", || top.has_shown(" has ended"));
+    top.ends_well();
+}
+
+#[test]
+fn a_bench_compares_the_graph_with_and_without_observers() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let bench = [
+        "bench",
+        "--observers",
+        "--scans",
+        "3",
+        "--rounds",
+        "1",
+        "--source",
+        &source,
+        "--json",
+    ];
+    let json = world.run(&bench).done().json();
+    let rows = json["rows"].as_array().unwrap();
+    let observers: Vec<&str> = rows
+        .iter()
+        .map(|row| row["observers"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        observers,
+        ["none", "recorder", "viewer", "recorder and viewer"]
+    );
+    for row in rows.iter().chain([&json["bridge_alone"]]) {
+        let rate = &row["triples_per_second"];
+        assert!(rate["median"].as_f64() > Some(0.0), "{row}");
+        assert!(row["ratio"]["median"].as_f64() > Some(0.0), "{row}");
+    }
+    assert_eq!(rows[0]["ratio"]["median"], 1.0);
+    for row in &rows[2..] {
+        let viewer = &row["viewer"];
+        assert!(viewer["channels"].as_u64() > Some(35), "{row}");
+        assert!(viewer["messages"].as_u64() > Some(35), "{row}");
+        assert!(viewer["megabytes"].as_f64() > Some(0.1), "{row}");
+    }
+    assert!(rows[1]["recorded_megabytes"].as_f64() > Some(0.1));
+    assert!(
+        !world.path("recordings").exists(),
+        "it leaves nothing behind"
+    );
+    let wrong = world.run(&["bench"]);
+    assert_eq!(wrong.code, Some(2), "{wrong:?}");
+    assert!(wrong.err.contains("--observers"), "{wrong:?}");
 }

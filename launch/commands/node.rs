@@ -55,9 +55,15 @@ fn restart(running: &Running, name: &str) -> Result<(), Failure> {
             names.join(", ")
         )));
     };
+    end(process)?;
+    super::print(&format!("{name} ends and is started again\n"))
+}
+
+/// Ends a node's process at once.
+pub(super) fn end(process: &Process) -> Result<(), Failure> {
     let pid = i32::try_from(process.pid).ok().and_then(Pid::from_raw);
     let pid = pid.ok_or_else(|| Failure::failed("the node is gone"))?;
+    let name = &process.node;
     kill_process(pid, Signal::KILL)
-        .map_err(|error| Failure::failed(format!("cannot end {name}: {error}")))?;
-    super::print(&format!("{name} ends and is started again\n"))
+        .map_err(|error| Failure::failed(format!("cannot end {name}: {error}")))
 }

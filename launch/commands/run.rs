@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use messages::{Delivery, Rig, Size};
 use serde_json::Value;
 
-use crate::cli::Run as Args;
+use crate::cli::{Profile, Run as Args};
 use crate::graph::{Graph, Overrides};
 use crate::launcher::{Launch, launch};
 use crate::{Failure, Outcome};
@@ -18,31 +18,14 @@ use crate::{Failure, Outcome};
 const NAMES: u64 = 10_000;
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let mut graph = Graph::load(args.graph.as_deref(), args.profile, &overrides(args)?)?;
-    if !graph.has("capture") {
-        let text = "the graph has no [capture]: recordings are replayed with `tricurve replay`";
-        return Err(Failure::usage(text));
-    }
-    if graph
-        .settings_of("capture")
-        .get("start")
-        .is_none_or(Value::is_null)
-    {
-        graph.fill_in("capture", "start", now_nanos());
-    }
-    let source = open_source(&graph)?;
-    settle_truth(&mut graph, &source);
-    let rig = rig(&graph, &source)?;
-    let recording = recording(&mut graph)?;
+    let Planned {
+        graph,
+        source,
+        rig,
+        scans,
+        recording,
+    } = plan(args.graph.as_deref(), args.profile, &overrides(args)?)?;
     say_notices(&source);
-    // A live run drops scans, and then numbers no longer tell which of the source's they are.
-    let named = match graph.settings.delivery {
-        Delivery::Lossless => source.scans().min(NAMES),
-        Delivery::Live => 0,
-    };
-    let scans = (0..named)
-        .map(|scan| source.name(scan).to_owned())
-        .collect();
     let (ran, _) = launch(Launch {
         graph: &graph,
         rig,
@@ -59,6 +42,55 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         false => super::print(&summary.to_string())?,
     }
     Ok(ran.outcome)
+}
+
+/// A graph that is ready to be launched, and what its launch needs besides.
+pub(super) struct Planned {
+    pub(super) graph: Graph,
+    pub(super) source: Source,
+    pub(super) rig: Rig,
+    /// The names of the source's scans.
+    pub(super) scans: Vec<String>,
+    pub(super) recording: Option<PathBuf>,
+}
+
+/// Settles what only a run knows: its source, whether that knows the truth, the rig, where the recording goes.
+pub(super) fn plan(
+    file: Option<&Path>,
+    profile: Profile,
+    overrides: &Overrides,
+) -> Result<Planned, Failure> {
+    let mut graph = Graph::load(file, profile, overrides)?;
+    if !graph.has("capture") {
+        let text = "the graph has no [capture]: recordings are replayed with `tricurve replay`";
+        return Err(Failure::usage(text));
+    }
+    if graph
+        .settings_of("capture")
+        .get("start")
+        .is_none_or(Value::is_null)
+    {
+        graph.fill_in("capture", "start", now_nanos());
+    }
+    let source = open_source(&graph)?;
+    settle_truth(&mut graph, &source);
+    let rig = rig(&graph, &source)?;
+    let recording = recording(&mut graph)?;
+    // A live run drops scans, and then numbers no longer tell which of the source's they are.
+    let named = match graph.settings.delivery {
+        Delivery::Lossless => source.scans().min(NAMES),
+        Delivery::Live => 0,
+    };
+    let scans = (0..named)
+        .map(|scan| source.name(scan).to_owned())
+        .collect();
+    Ok(Planned {
+        graph,
+        source,
+        rig,
+        scans,
+        recording,
+    })
 }
 
 fn overrides(args: &Args) -> Result<Overrides, Failure> {

@@ -79,7 +79,7 @@ fn listen(running: &Running, topic: &Topic) -> Result<Hearer, Failure> {
     let topics = std::slice::from_ref(topic);
     Hearer::join(&running.orders.run, &name, topics).map_err(|error| {
         Failure::failed(format!(
-            "cannot listen to {}: {error}; at most two may listen to a run at once",
+            "cannot listen to {}: {error}; only so many may listen to a run at once",
             running.name()
         ))
     })

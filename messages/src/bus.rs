@@ -193,6 +193,10 @@ struct Tally {
 #[derive(Debug, Default)]
 struct Book {
     topics: BTreeMap<String, Tally>,
+    /// Scans this node has said to be done, if it is one that says so.
+    done: Option<Seen>,
+    /// Bytes of what all published messages hold.
+    bytes: u64,
     /// Scans below this one went through the node whose place this one takes.
     done_below: u64,
     /// Whether it takes the place of one that died.
@@ -242,10 +246,17 @@ impl Book {
         tally.published.get_or_insert_default().insert(sequence);
     }
 
+    fn finished(&mut self, sequence: u64) {
+        self.done.get_or_insert_default().insert(sequence);
+    }
+
     /// What was done before a successor had its ports it never sees, and nobody sends it again.
     fn advance(&mut self, done_below: u64) {
         if self.is_successor && done_below > self.done_below {
             self.done_below = done_below;
+            if let Some(done) = &mut self.done {
+                done.advance(done_below);
+            }
             for tally in self.topics.values_mut() {
                 let sets = [&mut tally.received, &mut tally.published];
                 for seen in sets.into_iter().flatten() {
@@ -304,6 +315,7 @@ pub struct Bus {
     /// How many times the node was started before.
     life: u32,
     subscribers: Vec<Rc<ports::DataSubscriber>>,
+    began: Instant,
     next_report: Instant,
 }
 
@@ -346,6 +358,7 @@ impl Bus {
                 ..Book::default()
             })),
             subscribers: Vec::new(),
+            began: Instant::now(),
             next_report: Instant::now() + REPORT_EVERY,
             name: name.to_owned(),
             run,
@@ -419,7 +432,13 @@ impl Bus {
     /// When the publisher cannot be made.
     pub fn finisher(&mut self) -> Result<Finisher, BusError> {
         let index = self.run.nodes.iter().position(|n| n.name == self.name);
+        {
+            let book = &mut *self.book.borrow_mut();
+            let done = book.done.get_or_insert_default();
+            done.advance(book.done_below);
+        }
         Ok(Finisher {
+            book: Rc::clone(&self.book),
             publisher: self.ports.done_out()?,
             doors: self.ports.bells(
                 self.run
@@ -621,6 +640,9 @@ impl Bus {
             topics: book.accounts(),
             milliseconds: book.meter.percentiles(),
             counts: counts.iter().map(count).collect(),
+            done: book.done.as_ref().map(Seen::count),
+            bytes: book.bytes,
+            seconds: self.began.elapsed().as_secs_f64(),
             failed: None,
             life: self.life,
         }
@@ -696,6 +718,7 @@ pub fn complain(node: &str, text: impl Into<String>) {
 
 /// Says that scans are done.
 pub struct Finisher {
+    book: Rc<RefCell<Book>>,
     publisher: ports::DataPublisher,
     doors: Vec<Bell>,
     index: u64,
@@ -721,6 +744,7 @@ impl Finisher {
         };
         ports::send_words(&self.publisher, &header, &[self.index])?;
         self.doors.iter().for_each(Bell::ring);
+        self.book.borrow_mut().finished(sequence);
         Ok(())
     }
 }
@@ -807,3 +831,28 @@ impl Ledger {
 }
 
 pub use ports::Bell;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_successor_counts_as_done_what_its_predecessor_did() {
+        let mut done = Seen::default();
+        done.advance(5);
+        let mut book = Book {
+            done: Some(done),
+            done_below: 5,
+            is_successor: true,
+            ..Book::default()
+        };
+        book.advance(9);
+        let count = |book: &Book| book.done.as_ref().map(Seen::count);
+        assert_eq!(count(&book), Some(9));
+        // Said twice, as after a resend, it counts once.
+        for sequence in [9, 9, 10] {
+            book.finished(sequence);
+        }
+        assert_eq!(count(&book), Some(11));
+    }
+}

@@ -138,6 +138,15 @@ pub struct NodeReport {
     pub milliseconds: Percentiles,
     /// Counts of its own.
     pub counts: BTreeMap<String, u64>,
+    /// Different scans it has said to be done, if it is one that says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub done: Option<u64>,
+    /// Bytes its process has published: what messages hold, not the room they had.
+    #[serde(default)]
+    pub bytes: u64,
+    /// How long its process had been part of the run, in seconds.
+    #[serde(default)]
+    pub seconds: f64,
     /// How many times it was started before in this run.
     #[serde(default)]
     pub life: u32,

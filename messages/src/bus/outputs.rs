@@ -144,10 +144,11 @@ impl Outputs {
             ports::send(loan.sample, &header)?;
         }
         output.takers.iter().for_each(|bell| bell.ring());
+        let mut book = self.book.borrow_mut();
+        book.bytes += filled.bytes::<M>();
         if !output.is_owed {
             return Ok(());
         }
-        let mut book = self.book.borrow_mut();
         book.published(&output.topic.name, cause.sequence);
         book.meter.add(cause.sequence, elapsed);
         if filled.refused > 0 {
@@ -194,6 +195,14 @@ impl Filled {
             refused: M::refused(room),
         }
     }
+
+    /// The bytes of what was filled in.
+    fn bytes<M: Message>(&self) -> u64 {
+        let sections = self.lens.iter().zip(M::element_bytes());
+        sections
+            .map(|(len, bytes)| u64::from(*len) * bytes as u64)
+            .sum()
+    }
 }
 
 /// Shared memory on loan for one message.
@@ -226,5 +235,25 @@ impl<M: Message> Loan<M> {
     /// What was filled in, as its readers will see it.
     pub fn view(&mut self, filled: &Filled) -> Option<M::View<'_>> {
         M::view(self.sample.payload_mut(), self.room, filled.lens)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::payload::{Curve, Curves, Edge, Owned};
+
+    #[test]
+    fn a_message_weighs_what_its_sections_hold_and_not_the_room_they_had() {
+        let mut curves = Owned::<Curves>::new(Size::new(33, 17));
+        let filled = curves.fill(|room| {
+            room.curves.push(Curve::default());
+            room.points.extend_from_slice(&[Edge::default(); 3]);
+            Filled::of::<Curves>(room)
+        });
+        let sections = curves.view().sections(0);
+        let bytes: usize = sections.iter().map(|section| section.bytes).sum();
+        assert!(bytes > 0);
+        assert_eq!(filled.bytes::<Curves>(), bytes as u64);
     }
 }
