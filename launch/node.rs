@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use messages::bus::{Bus, Progress, Run, Start, complain, read_changes};
+use messages::bus::{Bus, NodePlan, Progress, Run, Start, complain, read_changes};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -38,6 +38,15 @@ impl Orders {
     }
 }
 
+/// Lets this process run when the graph's own do not need the processor.
+pub(crate) fn give_way() {
+    const NICENESS: i32 = 10;
+    // Where that is not allowed it goes on as it is.
+    rustix::process::nice(NICENESS)
+        .map(drop)
+        .unwrap_or_default();
+}
+
 /// Is the node until it shall stop.
 pub(crate) fn run(args: &cli::Node) -> Outcome {
     match try_run(args) {
@@ -60,6 +69,12 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         .get(node.name)
         .cloned()
         .unwrap_or_default();
+    // Who only looks on gives way to the pipe.
+    let is_guest = |plan: &NodePlan| plan.takes.is_empty() && plan.makes.is_empty();
+    let plan = orders.run.nodes.iter().find(|plan| plan.name == node.name);
+    if plan.is_some_and(is_guest) {
+        give_way();
+    }
     let resume: Progress = match &args.resume {
         Some(json) => serde_json::from_str(json)?,
         None => Progress::default(),

@@ -17,13 +17,12 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::View as Args;
 use crate::layout::{self, Checked, LAYOUT, There, Topic};
+use crate::node::give_way;
 use crate::running::Running;
 use crate::{Failure, Outcome, rundir};
 
 /// How often it is looked whether the graph is still there.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
-/// Viewers give way to the graph.
-const NICENESS: i32 = 10;
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.layout {
@@ -86,9 +85,7 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
         return checked(args, &there_of(&codec, &orders.run.kinds()));
     }
     // A graph waits for nobody who looks at it: neither for memory nor for a processor.
-    rustix::process::nice(NICENESS)
-        .map(drop)
-        .unwrap_or_default();
+    give_way();
     let end = end_signal()?;
     let mut viewing = Viewing::start(&Live {
         run: &orders.run,
