@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use messages::record::{Channel, Codec};
 use prost::Message as _;
 use prost_types::field_descriptor_proto::Label;
 use prost_types::{DescriptorProto, FileDescriptorSet};
@@ -45,6 +46,26 @@ pub(crate) struct There {
     pub(crate) frames: BTreeSet<String>,
     /// Whether topics without messages count as missing.
     pub(crate) needs_messages: bool,
+}
+
+impl There {
+    /// What a graph with these channels will have, as far as their schemas tell.
+    pub(crate) fn promised(codec: &Codec, channels: Vec<Channel>) -> Self {
+        let topic = |channel: Channel| {
+            let topic = Topic {
+                schema: channel.schema.name,
+                encoding: channel.schema.encoding.to_owned(),
+                data: channel.schema.data,
+                message: None,
+            };
+            (channel.name, topic)
+        };
+        Self {
+            topics: channels.into_iter().map(topic).collect(),
+            frames: codec.frames().map(str::to_owned).collect(),
+            needs_messages: false,
+        }
+    }
 }
 
 /// What came of the check.
@@ -254,29 +275,14 @@ fn has_key(topic: &Topic, path: &str) -> bool {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use messages::record::{Codec, Content};
+    use messages::record::Shown;
     use messages::{Rig, Size};
 
     /// What a default run has, as far as schemas tell.
     fn default_run() -> There {
         let rig = Rig::of_views(3, &[4.0, 2.0, 1.0], Size::new(64, 48));
-        let codec = Codec::new(rig.clone(), 0);
-        let topic = |channel: messages::record::Channel| {
-            let topic = Topic {
-                schema: channel.schema.name,
-                encoding: channel.schema.encoding.to_owned(),
-                data: channel.schema.data,
-                message: None,
-            };
-            (channel.name, topic)
-        };
-        let all = codec.channels(messages::record::Shown::ALL).into_iter();
-        let all = all.filter(|channel| channel.content != Content::Ledger);
-        There {
-            topics: all.map(topic).collect(),
-            frames: codec.frames().map(str::to_owned).collect(),
-            needs_messages: false,
-        }
+        let codec = Codec::new(rig, 0);
+        There::promised(&codec, codec.channels(Shown::ALL))
     }
 
     #[test]

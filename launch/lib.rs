@@ -31,6 +31,7 @@ mod progress;
 mod registry;
 mod rundir;
 mod running;
+mod signals;
 mod snapshot;
 mod supervisor;
 

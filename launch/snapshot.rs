@@ -1,12 +1,11 @@
 //! Writes the scans that come now to a file of their own, beside the running graph: a recorder of its own, so that the run
 //! waits for nothing.
 
-use std::io::Read as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use crossbeam::channel::Sender;
+use crossbeam::channel::{Sender, bounded};
 use jiff::Timestamp;
 use messages::bus::Answer;
 use rustix::process::{Pid, Signal, kill_process};
@@ -28,7 +27,7 @@ pub(crate) fn take(run: &Path, reply: &Sender<Answer>) -> Result<(), Answer> {
     let now = Timestamp::now().strftime("%Y%m%d-%H%M%S-%3f");
     let file = Path::new("recordings").join(format!("snapshot-{now}.mcap"));
     let name = run.file_name().unwrap_or_default();
-    let mut child = Command::new(std::env::current_exe().map_err(|e| refused(&e))?)
+    let child = Command::new(std::env::current_exe().map_err(|e| refused(&e))?)
         .args(["record", "--json", "--scans", SCANS, "--output"])
         .arg(&file)
         .arg("--run")
@@ -38,41 +37,36 @@ pub(crate) fn take(run: &Path, reply: &Sender<Answer>) -> Result<(), Answer> {
         .stderr(Stdio::piped())
         .spawn()
         .map_err(|e| refused(&e))?;
+    let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     let reply = reply.clone();
     let wait = move || {
-        let deadline = Instant::now() + PATIENCE;
-        let status = loop {
-            match child.try_wait() {
-                Ok(Some(status)) => break Some(status),
-                Ok(None) if Instant::now() < deadline => {
-                    std::thread::sleep(Duration::from_millis(20));
-                }
-                _ => break None,
+        let (teller, ended) = bounded(1);
+        std::thread::scope(|scope| {
+            scope.spawn(move || teller.send(child.wait_with_output()));
+            let ended_in_time = ended.recv_timeout(PATIENCE);
+            if ended_in_time.is_err()
+                && let Some(pid) = pid
+            {
+                kill_process(pid, Signal::INT).unwrap_or_default();
             }
-        };
-        let answer = match status {
-            Some(status) if status.success() => Answer::Done {
-                text: file.display().to_string(),
-            },
-            Some(_) => {
-                let mut said = String::new();
-                if let Some(out) = &mut child.stderr {
-                    out.read_to_string(&mut said).map(drop).unwrap_or_default();
+            let answer = match ended_in_time {
+                Ok(Ok(output)) if output.status.success() => Answer::Done {
+                    text: file.display().to_string(),
+                },
+                Ok(Ok(output)) => {
+                    let why = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+                    Answer::Refused { why }
                 }
-                let why = said.trim().to_owned();
-                Answer::Refused { why }
-            }
-            None => {
-                if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-                    kill_process(pid, Signal::INT).unwrap_or_default();
+                Ok(Err(error)) => refused(&error),
+                Err(_) => {
+                    ended.recv().map(drop).unwrap_or_default();
+                    std::fs::remove_file(&file).unwrap_or_default();
+                    let why = "no scan came in time".to_owned();
+                    Answer::Refused { why }
                 }
-                child.wait().map(drop).unwrap_or_default();
-                std::fs::remove_file(&file).unwrap_or_default();
-                let why = "no scan came in time".to_owned();
-                Answer::Refused { why }
-            }
-        };
-        reply.send(answer).unwrap_or_default();
+            };
+            reply.send(answer).unwrap_or_default();
+        });
     };
     std::thread::Builder::new()
         .name("snapshot".to_owned())

@@ -12,13 +12,11 @@ mod viewer;
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use messages::bus::{Level, Progress};
 use serde::Serialize;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use super::run::{Planned, plan};
 use crate::cli::{Bench as Args, Profile};
@@ -26,7 +24,7 @@ use crate::graph::Overrides;
 use crate::launcher::{Launch, launch_before};
 use crate::running::{Process, Running};
 use crate::supervisor::Watcher;
-use crate::{Failure, Outcome};
+use crate::{Failure, Outcome, signals};
 use viewer::{Taken, Viewer};
 
 /// The most scans before those that are measured: of more scenes than that not all are read before.
@@ -73,11 +71,7 @@ const fn observers(
 }
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))
-            .map_err(|e| Failure::failed(format!("cannot listen to signals: {e}")))?;
-    }
+    let stop = signals::flag(&signals::END)?;
     let place = Place::make()?;
     let mut measured: [Vec<Measured>; OBSERVERS.len()] = Default::default();
     for round in 0..args.rounds as usize {

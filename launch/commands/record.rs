@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 use messages::settings::Settings as _;
 use record::{Attach, AttachError, Attached, Settings, Wish, attach};
 use regex::Regex;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::consts::SIGUSR1;
 
 use super::rewrite::is_like;
 use crate::cli::Record as Args;
 use crate::running::Running;
-use crate::{Failure, Outcome, rundir};
+use crate::{Failure, Outcome, rundir, signals};
 
 /// How often it is said how the recorder is doing.
 const LINE_EVERY: Duration = Duration::from_secs(2);
@@ -115,16 +115,8 @@ struct Wishes {
 
 impl Wishes {
     fn listen(folder: &Path, args: &Args) -> Result<Self, Failure> {
-        let flag = |signals: &[i32]| -> Result<Arc<AtomicBool>, Failure> {
-            let flag = Arc::new(AtomicBool::new(false));
-            for signal in signals {
-                signal_hook::flag::register(*signal, Arc::clone(&flag))
-                    .map_err(|e| Failure::failed(format!("cannot listen to signals: {e}")))?;
-            }
-            Ok(flag)
-        };
-        let end = flag(&[SIGINT, SIGTERM, SIGHUP])?;
-        let snapshot = flag(&[SIGUSR1])?;
+        let end = signals::flag(&signals::END)?;
+        let snapshot = signals::flag(&[SIGUSR1])?;
         if args.snapshot.is_some() && std::io::stdin().is_terminal() {
             let snapshot = Arc::clone(&snapshot);
             let listen = move || {

@@ -8,16 +8,14 @@ mod screen;
 mod text;
 
 use std::io::IsTerminal as _;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 
 use crate::cli::Top as Args;
 use crate::running::Running;
-use crate::{Failure, Outcome};
+use crate::{Failure, Outcome, signals};
 use figures::{Figures, Watch};
 
 /// How often it is heard what nodes say.
@@ -31,11 +29,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let watches = watches.into_iter().map(Watch::start);
     let watches: Vec<Watch> = watches.collect::<Result<_, _>>()?;
     let every = Duration::from_secs_f64(args.every);
-    let end = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP, SIGQUIT] {
-        signal_hook::flag::register(signal, Arc::clone(&end))
-            .map_err(|e| Failure::failed(format!("cannot listen to signals: {e}")))?;
-    }
+    let end = signals::flag(&signals::END)?;
     let is_live = std::io::stdout().is_terminal() && !args.once && !args.json;
     let ended = match is_live {
         true => screen::show(watches, args.run.is_none(), every, &end)?,

@@ -1,25 +1,23 @@
 //! `tricurve view`: a recording or a running graph for Foxglove and other viewers.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::fs;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use bridge::{Live, LiveError, Player, PlayerError, Settings, Viewing};
-use messages::record::{Codec, Content};
+use bridge::{Live, LiveError, Player, Settings, Viewing};
+use messages::record::{Codec, Shown};
 use messages::recording::Recording;
 use messages::settings::Settings as _;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::View as Args;
-use crate::layout::{self, Checked, LAYOUT, There, Topic};
+use crate::layout::{self, Checked, LAYOUT, There};
 use crate::node::give_way;
 use crate::running::Running;
-use crate::{Failure, Outcome, rundir};
+use crate::{Failure, Outcome, rundir, signals};
 
 /// How often it is looked whether the graph is still there.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -57,16 +55,13 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
     }
     let scans = recording.scans().len();
     let path = recording.path().display().to_string();
-    let end = end_signal()?;
+    let end = signals::flag(&signals::END)?;
     let mut player =
         Player::start(recording, settings, args.start_paused, HOW).map_err(Failure::failed)?;
     let title = format!("{path}: {scans} scans, played as the viewer says; Ctrl-C ends");
     tell(args, &title, player.address(), Some(file))?;
     while !end.load(Ordering::Relaxed) {
-        player.turn().map_err(|error| match error {
-            PlayerError::Read(error) => Failure::failed(error),
-            error => Failure::failed(error),
-        })?;
+        player.turn().map_err(Failure::failed)?;
         say_slow(&player.slow());
     }
     say_missed(player.missed());
@@ -82,11 +77,12 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
     let reference = bridge::node::reference_of(&orders.run, &orders.configuration);
     if args.check {
         let codec = Codec::new(orders.run.rig.clone(), reference);
-        return checked(args, &there_of(&codec, &orders.run.kinds()));
+        let channels = codec.channels_of(Shown::ALL, &orders.run.kinds());
+        return checked(args, &There::promised(&codec, channels));
     }
     // A graph waits for nobody who looks at it: neither for memory nor for a processor.
     give_way();
-    let end = end_signal()?;
+    let end = signals::flag(&signals::END)?;
     let mut viewing = Viewing::start(&Live {
         run: &orders.run,
         reference,
@@ -215,15 +211,6 @@ fn layout_file() -> std::io::Result<PathBuf> {
     Ok(path)
 }
 
-fn end_signal() -> Result<Arc<AtomicBool>, Failure> {
-    let end = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&end))
-            .map_err(|e| Failure::failed(format!("cannot listen to signals: {e}")))?;
-    }
-    Ok(end)
-}
-
 /// What a recording has to show, with a message of each topic.
 fn there_in(recording: &mut Recording) -> Result<There, Failure> {
     let mut there = There {
@@ -241,18 +228,17 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
     let names = recording.codec().frames().map(str::to_owned);
     there.frames = names.collect();
     // The newest message of each topic: what is said every second is not said with every scan.
-    let mut wanted: BTreeMap<String, ()> = BTreeMap::new();
-    wanted.extend(there.topics.keys().map(|topic| (topic.clone(), ())));
+    let mut wanted: BTreeSet<String> = there.topics.keys().cloned().collect();
     let scans: Vec<u64> = recording.scans().rev().collect();
     for scan in scans {
         if wanted.is_empty() {
             break;
         }
         let scan = recording
-            .scan_of(scan, |topic| wanted.contains_key(topic))
+            .scan_of(scan, |topic| wanted.contains(topic))
             .map_err(Failure::failed)?;
         for (topic, message) in scan.messages() {
-            if wanted.remove(topic).is_some()
+            if wanted.remove(topic)
                 && let Some(entry) = there.topics.get_mut(topic)
             {
                 entry.message = Some(message.to_vec());
@@ -261,29 +247,6 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
         recording.reuse(scan);
     }
     Ok(there)
-}
-
-/// What a running graph has to show.
-fn there_of(codec: &Codec, made: &[messages::Kind]) -> There {
-    let channels = codec.channels(messages::record::Shown::ALL).into_iter();
-    let channels = channels.filter(|channel| match &channel.content {
-        Content::Data(topic) => made.contains(&topic.kind),
-        _ => true,
-    });
-    let topic = |channel: messages::record::Channel| {
-        let topic = Topic {
-            schema: channel.schema.name,
-            encoding: channel.schema.encoding.to_owned(),
-            data: channel.schema.data,
-            message: None,
-        };
-        (channel.name, topic)
-    };
-    There {
-        topics: channels.map(topic).collect(),
-        frames: codec.frames().map(str::to_owned).collect(),
-        needs_messages: false,
-    }
 }
 
 fn checked(args: &Args, there: &There) -> Result<Outcome, Failure> {

@@ -150,6 +150,16 @@ impl Codec {
         self.reference
     }
 
+    /// Those of [all channels](Self::channels) that carry something where these kinds of message are made.
+    pub fn channels_of(&self, shown: Shown, made: &[Kind]) -> Vec<Channel> {
+        let mut channels = self.channels(shown);
+        channels.retain(|channel| match &channel.content {
+            Content::Data(topic) => made.contains(&topic.kind),
+            _ => true,
+        });
+        channels
+    }
+
     /// All channels of a recording, in the order a scan's messages stand in it: what viewers show comes first, so
     /// that they find it together.
     pub fn channels(&self, shown: Shown) -> Vec<Channel> {

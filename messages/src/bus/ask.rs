@@ -28,6 +28,8 @@ const PATIENCE: Duration = Duration::from_secs(10);
 pub enum Ask {
     /// How is everything?
     State,
+    /// The same, as soon as the source has said how it plays.
+    Source,
     /// Set parameters otherwise, from the next scan on: all of these or none.
     Set {
         /// By name, as `match.score`.

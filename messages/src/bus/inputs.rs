@@ -168,6 +168,22 @@ impl Joined {
         found.ok_or_else(|| BusError::port("find a topic of the scan", key))
     }
 
+    /// The heads and payloads of its messages.
+    ///
+    /// # Errors
+    /// [`BusError::Damaged`] when the lengths or indices of one do not fit.
+    pub fn views(&self) -> Result<Vec<(Header, AnyView<'_>)>, BusError> {
+        let mut views = Vec::with_capacity(self.messages.len());
+        for message in &self.messages {
+            let view = message.any_view()?;
+            if !view.is_sound() {
+                return Err(message.damaged());
+            }
+            views.push((message.header(), view));
+        }
+        Ok(views)
+    }
+
     /// What the heads of all its messages agree on; what they do not is [`NONE`](crate::NONE) or zero.
     pub fn header(&self) -> Header {
         let heads = self.messages.iter().map(Received::header);

@@ -78,7 +78,7 @@ impl Encoder {
     /// Encodes a scan with everything derived from it, in the order of the channels. A topic's message is known by
     /// its kind and its header's view and channel; one that is missing is left out, one that is there twice counts
     /// once.
-    pub fn encode(&mut self, scan: &[(&Header, AnyView<'_>)], sink: &mut impl Sink) {
+    pub fn encode(&mut self, scan: &[(Header, AnyView<'_>)], sink: &mut impl Sink) {
         let Some((first, _)) = scan.first() else {
             return sink.begin(0, 0);
         };
@@ -96,7 +96,7 @@ impl Encoder {
         let none = NONE;
         let finest = self.codec.rig().channels.len().saturating_sub(1) as u32;
         let picture = match find(Kind::Disparity, none, none) {
-            Some((header, AnyView::Disparity(picture))) => Some((*header, *picture)),
+            Some((header, AnyView::Disparity(picture))) => Some((header, *picture)),
             _ => None,
         };
         // What the picture shows are the points: there are fewer of them than pixels.

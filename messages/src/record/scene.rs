@@ -22,6 +22,17 @@ pub enum Level {
     Error = 4,
 }
 
+#[cfg(feature = "bus")]
+impl From<crate::bus::Level> for Level {
+    fn from(level: crate::bus::Level) -> Self {
+        match level {
+            crate::bus::Level::Info => Self::Info,
+            crate::bus::Level::Warn => Self::Warning,
+            crate::bus::Level::Error => Self::Error,
+        }
+    }
+}
+
 /// From the rig's axes to the optical ones: (x, y, z) right, down, forward is (−y, −z, x) of forward, left, up.
 const OPTICAL_IN_RIG: [f64; 4] = [-0.5, 0.5, -0.5, 0.5];
 

@@ -13,7 +13,7 @@ use messages::bus::{
 };
 use messages::ledger::Ledger;
 use messages::record::{Channel, Codec, Content, Encoder, Level, Shown, Sink};
-use messages::{Header, Kind, Topic};
+use messages::{Kind, Topic};
 use serde_json::Value;
 
 use crate::Settings;
@@ -48,8 +48,6 @@ pub struct Live<'a> {
 
 /// How often it is looked who listens, how things stand and what is said, while nobody is subscribed to a scan's topics.
 const IDLE: Duration = Duration::from_millis(200);
-/// How long the source may take to say how it plays.
-const SOURCE_PATIENCE: Duration = Duration::from_secs(10);
 /// Lines that are kept for who comes later.
 const MOST_SAID: usize = 200;
 /// How often viewers are told how things stand.
@@ -110,21 +108,9 @@ fn set(run: &Path, values: BTreeMap<String, Value>) -> Option<String> {
     }
 }
 
-/// How things stand, as soon as the source has said how it plays: what is offered depends on it.
-fn known_state(run: &Run) -> State {
-    let deadline = Instant::now() + SOURCE_PATIENCE;
-    loop {
-        let state = state_of(run).unwrap_or_default();
-        if state.playing.is_some() || Instant::now() > deadline {
-            return state;
-        }
-        std::thread::sleep(LOOK_EVERY);
-    }
-}
-
 /// How things stand, as the launcher says.
-fn state_of(run: &Run) -> Option<State> {
-    match bus::ask(&run.root, &Ask::State) {
+fn state_of(run: &Run, ask: &Ask) -> Option<State> {
+    match bus::ask(&run.root, ask) {
         Ok(Answer::State(state)) => Some(*state),
         _ => None,
     }
@@ -171,13 +157,11 @@ fn needs(content: &Content, made: &[Kind]) -> Vec<Kind> {
         Content::Rejected(_) => vec![Kind::Curves, Kind::Matches],
         Content::Picture => vec![Kind::Disparity, Kind::Points],
         Content::Statistics => made.to_vec(),
-        Content::Transforms | Content::Calibration(_) => vec![Kind::Image, Kind::Points],
+        // They are said with every scan, whatever it holds.
+        Content::Transforms | Content::Calibration(_) => made.iter().take(1).copied().collect(),
         Content::Ledger | Content::Health | Content::Log => vec![],
     };
     kinds.retain(|kind| made.contains(kind));
-    if matches!(content, Content::Transforms | Content::Calibration(_)) {
-        kinds.truncate(1);
-    }
     kinds
 }
 
@@ -225,13 +209,9 @@ impl<'a> Viewing<'a> {
             how,
         } = *live;
         let codec = Codec::new(run.rig.clone(), reference);
-        let made = run.kinds();
-        let mut channels = codec.channels(Shown::ALL);
-        channels.retain(|channel| match &channel.content {
-            Content::Data(topic) => made.contains(&topic.kind),
-            _ => true,
-        });
-        let state = known_state(run);
+        let channels = codec.channels_of(Shown::ALL, &run.kinds());
+        // What is offered depends on how the source plays.
+        let state = state_of(run, &Ask::Source).unwrap_or_default();
         let offered = |channel: &Channel| Offered {
             topic: channel.name.clone(),
             encoding: channel.schema.message_encoding().to_owned(),
@@ -419,16 +399,8 @@ impl<'a> Viewing<'a> {
         if !self.out.server.admit() {
             return Ok(());
         }
-        let headers: Vec<Header> = scan.messages().iter().map(|m| m.header()).collect();
-        let mut views = Vec::with_capacity(headers.len());
-        for (header, message) in headers.iter().zip(scan.messages()) {
-            let view = message.any_view()?;
-            if !view.is_sound() {
-                return Err(message.damaged());
-            }
-            views.push((header, view));
-        }
-        let nanos = headers.first().map_or(0, |header| header.capture_nanos);
+        let views = scan.views()?;
+        let nanos = scan.header().capture_nanos;
         self.last = Some((scan.sequence, nanos));
         self.out.server.playback().nanos = nanos;
         self.out.server.time(nanos);
@@ -439,12 +411,7 @@ impl<'a> Viewing<'a> {
     /// Takes in what a node reports or says.
     fn report(&mut self, event: Event) {
         if let Event::Log(Log { level, node, text }) = &event {
-            let level = match level {
-                bus::Level::Info => Level::Info,
-                bus::Level::Warn => Level::Warning,
-                bus::Level::Error => Level::Error,
-            };
-            self.log(level, node, text);
+            self.log((*level).into(), node, text);
         }
         self.health.hear(&event);
         self.ledger.hear(event);
@@ -490,7 +457,7 @@ impl<'a> Viewing<'a> {
         self.encoder.ledger(&self.ledger, &mut self.out);
         self.encoder
             .health(self.health.say(Instant::now()), &mut self.out);
-        let Some(state) = state_of(self.run) else {
+        let Some(state) = state_of(self.run, &Ask::State) else {
             return;
         };
         let is_new = |parameter: &&bus::Parameter| !self.state.parameters.contains(parameter);

@@ -131,7 +131,6 @@ impl Scene {
             scan.push((head(NONE, channel), room.as_view().into()));
         }
         scan.push((head(NONE, NONE), points.view().into()));
-        let scan: Vec<_> = scan.iter().map(|(header, view)| (header, *view)).collect();
 
         let reference = settings.reference as usize;
         let codec = Codec::new(rig.clone(), reference);

@@ -8,7 +8,6 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-use messages::Header;
 use messages::bus::{BusError, Guest, Joined, LOOK_EVERY, Run, read_changes};
 use messages::ledger::Ledger;
 
@@ -174,15 +173,7 @@ struct Recorder {
 
 impl Recorder {
     fn take(&mut self, scan: &Joined) -> Result<(), AttachError> {
-        let headers: Vec<Header> = scan.messages().iter().map(|m| m.header()).collect();
-        let mut views = Vec::with_capacity(headers.len());
-        for (header, message) in headers.iter().zip(scan.messages()) {
-            let view = message.any_view()?;
-            if !view.is_sound() {
-                return Err(message.damaged().into());
-            }
-            views.push((header, view));
-        }
+        let views = scan.views()?;
         let mut batch = self.spare.pop().unwrap_or_default();
         self.encoder.encode(&views, &mut batch);
         let changes = read_changes(&self.root);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use mcap::records::op;
 use messages::change::Change;
-use messages::record::{Codec, Content, Encoder, Shown, Sink};
+use messages::record::{Codec, Encoder, Shown, Sink};
 use messages::{Kind, Rig};
 
 use crate::Settings;
@@ -134,15 +134,12 @@ pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
 /// with index `reference`, and these kinds of message are made.
 pub fn encoder(rig: &Rig, reference: usize, made: &[Kind], settings: &Settings) -> Encoder {
     let codec = Codec::new(rig.clone(), reference);
-    let mut channels = codec.channels(Shown {
+    let shown = Shown {
         views: settings.views,
         rejected: settings.rejected,
-    });
-    channels.retain(|channel| match &channel.content {
-        Content::Data(topic) => {
-            made.contains(&topic.kind) && !settings.without.contains(&topic.kind)
-        }
-        _ => true,
-    });
+    };
+    let mut held = made.to_vec();
+    held.retain(|kind| !settings.without.contains(kind));
+    let channels = codec.channels_of(shown, &held);
     Encoder::new(codec, channels)
 }

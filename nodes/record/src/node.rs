@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use messages::Rig;
 use messages::bus::{
     self, Bell, Bus, BusError, Doctor, Event, Finisher, Joined, Joins, Log, ReportsIn, Request,
     Start,
 };
 use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
-use messages::{Header, Rig};
 
 use crate::{
     Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread,
@@ -221,19 +221,7 @@ impl Recorder {
             return Ok(());
         }
         let began = Instant::now();
-        let headers: Vec<Header> = scan
-            .messages()
-            .iter()
-            .map(|message| message.header())
-            .collect();
-        let mut views = Vec::with_capacity(headers.len());
-        for (header, message) in headers.iter().zip(scan.messages()) {
-            let view = message.any_view()?;
-            if !view.is_sound() {
-                return Err(message.damaged());
-            }
-            views.push((header, view));
-        }
+        let views = scan.views()?;
         let mut batch = self.spare.pop().unwrap_or_default();
         self.encoder.encode(&views, &mut batch);
         if self.last.is_none() {
@@ -289,7 +277,7 @@ impl Recorder {
 
     fn write_log(&mut self, batch: &mut Batch) {
         for Log { level, node, text } in self.log.drain(..) {
-            self.encoder.log(level_of(level), &node, &text, batch);
+            self.encoder.log(level.into(), &node, &text, batch);
         }
     }
 
@@ -318,13 +306,5 @@ impl Recorder {
             self.done.done(sequence)?;
         }
         Ok(())
-    }
-}
-
-fn level_of(level: bus::Level) -> Level {
-    match level {
-        bus::Level::Info => Level::Info,
-        bus::Level::Warn => Level::Warning,
-        bus::Level::Error => Level::Error,
     }
 }

@@ -224,7 +224,7 @@ impl Scan {
     }
 
     /// Its messages, in the order of the topics.
-    pub(crate) fn messages(&self) -> Vec<(&Header, AnyView<'_>)> {
+    pub(crate) fn messages(&self) -> Vec<(Header, AnyView<'_>)> {
         let channels = self.rig.channels.len();
         let at = |topic: &Topic| topic.view as usize * channels + topic.channel as usize;
         let mut topics = Topic::all(&self.rig);
@@ -260,8 +260,8 @@ impl Scan {
     }
 }
 
-fn both<M: messages::Message>(message: &Owned<M>) -> (&Header, AnyView<'_>) {
-    (&message.header, message.view().into())
+fn both<M: messages::Message>(message: &Owned<M>) -> (Header, AnyView<'_>) {
+    (message.header, message.view().into())
 }
 
 fn owned<M: messages::Message>(header: Header, fill: impl FnOnce(&mut M::Room<'_>)) -> Owned<M> {

@@ -1,0 +1,209 @@
+//! What is asked of a running graph from outside, and settings that hold otherwise from the next scan on.
+//!
+//! ```text
+//! set ─► queued ─► Hold to the source ─► Held (so many scans went in) ─► written down ─► Change to all ─► noted by all ─► Go
+//! ```
+
+use std::collections::BTreeMap;
+
+use crossbeam::channel::Sender;
+use messages::bus::{self, Answer, Ask, Command, Level, NodeState, Play, Playing, State};
+use messages::change::Change;
+
+use super::{Node, Supervisor, Watcher};
+use crate::{Outcome, snapshot};
+
+/// Changes on their way: no scan is let in until every node has noted them.
+pub(super) struct Pending {
+    changes: Vec<Change>,
+    replies: Vec<Sender<Answer>>,
+    /// The nodes that have not noted them yet, once it is known from which scan on they hold.
+    waiting: Option<Vec<usize>>,
+}
+
+impl<W: Watcher> Supervisor<'_, W> {
+    /// Answers what is asked from outside, at once or when it is done.
+    pub(super) fn asked(&mut self, ask: Ask, reply: Sender<Answer>) {
+        let answer = match ask {
+            Ask::State => Some(Answer::State(Box::new(self.state()))),
+            Ask::Source if self.playing.is_none() && !self.nodes[0].has_finished => {
+                self.curious.push(reply.clone());
+                None
+            }
+            Ask::Source => Some(Answer::State(Box::new(self.state()))),
+            Ask::Set { values } => self.set(&values, &reply),
+            Ask::Play { play } => Some(self.play(play)),
+            Ask::Snapshot if self.playing.is_some_and(|playing| playing.is_paused) => {
+                let why = "the graph is paused: no scan comes that could be written".to_owned();
+                Some(Answer::Refused { why })
+            }
+            Ask::Snapshot => snapshot::take(self.duty.folder, &reply).err(),
+        };
+        if let Some(answer) = answer {
+            reply.send(answer).unwrap_or_default();
+        }
+    }
+
+    /// The source says how it plays.
+    pub(super) fn playing(&mut self, playing: Playing) {
+        self.playing = Some(playing);
+        let state = self.state();
+        for reply in self.curious.drain(..) {
+            let state = Answer::State(Box::new(state.clone()));
+            reply.send(state).unwrap_or_default();
+        }
+    }
+
+    fn state(&self) -> State {
+        let node = |node: &Node| NodeState {
+            name: node.name.clone(),
+            state: match (node.has_finished, node.has_begun && node.is_connected) {
+                (true, _) => "finished",
+                (false, true) => "running",
+                (false, false) => "starting",
+            }
+            .to_owned(),
+            restarts: node.life,
+        };
+        State {
+            parameters: self.duty.parameters.list(),
+            playing: self.playing,
+            progress: self.progress.clone(),
+            nodes: self.nodes.iter().map(node).collect(),
+        }
+    }
+
+    fn play(&mut self, play: Play) -> Answer {
+        let playing = self.playing.unwrap_or_default();
+        let why = match play {
+            Play::Seek(_) | Play::Rate(_) | Play::Faster | Play::Slower
+                if !playing.is_recording =>
+            {
+                Some("a source that is no recording cannot be sought in nor played at a rate")
+            }
+            Play::Seek(_) => self.duty.no_seek,
+            Play::Rate(rate) if !(rate.is_finite() && rate > 0.0) => {
+                Some("a rate is a number above 0")
+            }
+            _ => None,
+        };
+        if let Some(why) = why.map(str::to_owned) {
+            return Answer::Refused { why };
+        }
+        self.nodes[0].tell(&Command::Play { play });
+        let text = "played so".to_owned();
+        Answer::Done { text }
+    }
+
+    /// Sets parameters otherwise, from the next scan on; gives the answer when there is nothing to wait for.
+    fn set(
+        &mut self,
+        values: &BTreeMap<String, serde_json::Value>,
+        reply: &Sender<Answer>,
+    ) -> Option<Answer> {
+        let changes = match self.duty.parameters.changes(values) {
+            Ok(changes) if changes.is_empty() => {
+                let text = "it is so already".to_owned();
+                return Some(Answer::Done { text });
+            }
+            Ok(changes) => changes,
+            Err(why) => return Some(Answer::Refused { why }),
+        };
+        let has_begun = self.nodes.iter().any(|node| node.has_begun);
+        if !has_begun || self.nodes[0].has_finished {
+            let why = "no scan will come that it could hold for".to_owned();
+            return Some(Answer::Refused { why });
+        }
+        // What is asked next is checked against what this makes of it.
+        self.duty.parameters.apply(&changes);
+        self.queued.push((changes, reply.clone()));
+        self.hold();
+        None
+    }
+
+    /// Lets no scan in, so that it can be said from which one on what is queued holds.
+    fn hold(&mut self) {
+        if self.pending.is_some() || self.queued.is_empty() {
+            return;
+        }
+        let (mut changes, mut replies) = (Vec::new(), Vec::new());
+        for (more, reply) in self.queued.drain(..) {
+            changes.extend(more);
+            replies.push(reply);
+        }
+        self.pending = Some(Pending {
+            changes,
+            replies,
+            waiting: None,
+        });
+        self.nodes[0].tell(&Command::Hold);
+    }
+
+    /// So many scans went in, and none goes until every node has noted what holds from then on.
+    pub(super) fn held(&mut self, admitted: u64) {
+        let Some(pending) = self.pending.as_mut().filter(|p| p.waiting.is_none()) else {
+            return;
+        };
+        for change in &mut pending.changes {
+            change.from = admitted;
+        }
+        let changes = std::mem::take(&mut pending.changes);
+        let before = self.duty.changes.len();
+        self.duty.changes.extend(changes.iter().cloned());
+        // A node that starts from now on reads them there.
+        let written = bus::write_changes(self.duty.folder, &self.duty.changes);
+        if let Err(error) = written {
+            let text = format!("cannot write into the run's folder: {error}");
+            self.trouble.get_or_insert((Outcome::Failed, text));
+        }
+        let mut waiting = Vec::new();
+        for (place, node) in self.nodes.iter_mut().enumerate() {
+            if !node.has_finished {
+                node.tell(&Command::Change {
+                    before,
+                    changes: changes.clone(),
+                });
+                waiting.push(place);
+            }
+        }
+        for change in &changes {
+            self.watcher.say(Level::Info, "launch", &change.to_string());
+        }
+        pending.waiting = Some(waiting);
+    }
+
+    /// A node knows all changes, or is no more.
+    pub(super) fn noted(&mut self, place: usize) {
+        let Some(pending) = &mut self.pending else {
+            return;
+        };
+        if place == 0 && pending.waiting.is_none() && self.nodes[0].has_finished {
+            // The source ended before it could say from when on: no scan is left for it to hold for.
+            let why = "the source has ended".to_owned();
+            for reply in pending.replies.drain(..) {
+                reply
+                    .send(Answer::Refused { why: why.clone() })
+                    .unwrap_or_default();
+            }
+            self.pending = None;
+            return;
+        }
+        let Some(waiting) = &mut pending.waiting else {
+            return;
+        };
+        waiting.retain(|waiting| *waiting != place);
+        if !waiting.is_empty() {
+            return;
+        }
+        let from = self.duty.changes.last().map_or(0, |change| change.from);
+        let text = format!("it holds from scan {from} on");
+        for reply in pending.replies.drain(..) {
+            reply
+                .send(Answer::Done { text: text.clone() })
+                .unwrap_or_default();
+        }
+        self.pending = None;
+        self.nodes[0].tell(&Command::Go);
+        self.hold();
+    }
+}
