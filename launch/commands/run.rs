@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use capture::Source;
 use jiff::Timestamp;
-use messages::{Delivery, Rig, Size};
+use messages::{Delivery, Rail, Rig, Size};
 use serde_json::Value;
 
 use crate::cli::{Profile, Run as Args};
@@ -73,6 +73,7 @@ pub(super) fn plan(
         graph.fill_in("capture", "start", now_nanos());
     }
     let source = open_source(&graph)?;
+    settle_rail(&mut graph, &source);
     settle_truth(&mut graph, &source);
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;
@@ -81,9 +82,7 @@ pub(super) fn plan(
         Delivery::Lossless => source.scans().min(NAMES),
         Delivery::Live => 0,
     };
-    let scans = (0..named)
-        .map(|scan| source.name(scan).to_owned())
-        .collect();
+    let scans = (0..named).map(|scan| source.name(scan)).collect();
     Ok(Planned {
         graph,
         source,
@@ -154,6 +153,29 @@ fn open_source(graph: &Graph) -> Result<Source, Failure> {
     })
 }
 
+/// Settles what was found out about the rail, so that nobody has to find it out again, and that it is recorded.
+fn settle_rail(graph: &mut Graph, source: &Source) {
+    let Some(rail) = source.rail() else {
+        graph.remove("map");
+        return;
+    };
+    graph.fill_in("capture", "stride", rail.stride);
+    graph.fill_in("capture", "drift", rail.drift_px);
+    // What lies behind the plane that the pictures were aligned to moves with the camera.
+    let least = graph.settings_of("match").get("disparity_least");
+    let is_default = least.and_then(Value::as_f64) == Some(0.0);
+    if let Some((least, most)) = source.disparities()
+        && least < -1.0
+        && is_default
+    {
+        let least = (least - 0.25 * (most - least)).floor();
+        crate::say!(
+            "match: disparities go down to {least} px and are searched from there; set disparity_least"
+        );
+        graph.fill_in("match", "disparity_least", f64::from(least));
+    }
+}
+
 /// Lets results be evaluated where the source knows the truth, and nowhere else.
 fn settle_truth(graph: &mut Graph, source: &Source) {
     let view = graph.reference();
@@ -177,6 +199,27 @@ fn say_notices(source: &Source) {
 
 fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {
     let channels = graph.channels()?;
+    if let Some(rail) = source.rail() {
+        let reference = graph.settings_of("match").get("reference");
+        if reference.is_some_and(|reference| reference != "left") {
+            let text = "on a rail results belong to the newest frame: leave match.reference alone";
+            return Err(Failure::usage(text));
+        }
+        let map: Option<map::Settings> = match graph.has("map") {
+            true => Some(
+                serde_json::from_value(graph.settings_of("map").clone()).map_err(Failure::usage)?,
+            ),
+            false => None,
+        };
+        let rail = Rail {
+            follow: map.map_or(0, |map| map.reach()),
+            ..rail
+        };
+        return Ok(Rig {
+            calibration: source.calibration(),
+            ..Rig::of_rail(rail, &channels, source.size())
+        });
+    }
     let count = source.view_count();
     if count != 3 {
         let text =

@@ -91,7 +91,7 @@ pub struct Run {
 impl Run {
     /// Messages a subscriber's buffer holds: more than two windows, since a resend can double what is under way.
     pub fn buffer(&self) -> usize {
-        2 * self.in_flight + 4
+        2 * (self.in_flight + self.rig.reach() as usize) + 4
     }
 
     /// The kinds of message that this node takes of those that are made, in the order of the pipe.
@@ -126,7 +126,7 @@ impl Run {
         let topics = self.kinds().into_iter();
         let topics = topics.flat_map(|kind| Topic::of(&self.rig, kind));
         let scan: u64 = topics.map(|topic| words(topic.kind)).sum();
-        scan * self.in_flight as u64
+        scan * (self.in_flight as u64 + self.rig.reach())
     }
 }
 

@@ -15,7 +15,11 @@ pub struct UnderWay {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Door {
     width: usize,
+    /// How many scans before a scan its results depend on.
+    reach: u64,
     under_way: VecDeque<UnderWay>,
+    /// Scans that are done, and that others under way or to come depend on.
+    past: VecDeque<UnderWay>,
     admitted: u64,
     done: u64,
     next_tick: u64,
@@ -31,9 +35,15 @@ impl Door {
         }
     }
 
+    /// The same where a scan's results depend on so many scans before it.
+    pub fn reaching(self, reach: u64) -> Self {
+        Self { reach, ..self }
+    }
+
     /// A door as an earlier capture process left it.
     pub fn resume(
         width: usize,
+        past: impl IntoIterator<Item = UnderWay>,
         under_way: impl IntoIterator<Item = UnderWay>,
         admitted: u64,
         next_tick: u64,
@@ -43,7 +53,9 @@ impl Door {
         let done = admitted - (under_way.len() as u64).min(admitted);
         Self {
             width,
+            reach: 0,
             under_way,
+            past: past.into_iter().collect(),
             admitted,
             done,
             next_tick,
@@ -90,11 +102,35 @@ impl Door {
             .under_way
             .iter()
             .position(|scan| scan.sequence == sequence);
-        if let Some(place) = place {
-            self.under_way.remove(place);
-            self.done += 1;
+        let Some(scan) = place.and_then(|place| self.under_way.remove(place)) else {
+            return false;
+        };
+        self.done += 1;
+        if self.reach > 0 {
+            let later = self.past.partition_point(|past| past.sequence < sequence);
+            self.past.insert(later, scan);
+            let needed = self.needed_from();
+            self.past.retain(|past| past.sequence >= needed);
         }
-        place.is_some()
+        true
+    }
+
+    /// Scans that are done and that others depend on, in order.
+    pub fn past(&self) -> impl Iterator<Item = UnderWay> + '_ {
+        self.past.iter().copied()
+    }
+
+    /// All scans that must be sent once more when somebody lost what was sent: those under way, and those before that
+    /// they depend on, in order.
+    pub fn to_resend(&self) -> Vec<UnderWay> {
+        let mut scans: Vec<UnderWay> = self.past().chain(self.under_way()).collect();
+        scans.sort_unstable_by_key(|scan| scan.sequence);
+        scans
+    }
+
+    /// No scan below this number is needed any more: it is done, and so are all that depend on it.
+    pub fn needed_from(&self) -> u64 {
+        self.done_below().saturating_sub(self.reach)
     }
 
     /// The scans under way, in order.
@@ -174,6 +210,26 @@ mod tests {
     }
 
     #[test]
+    fn what_later_scans_depend_on_is_sent_again_with_them() {
+        let mut door = Door::new(4).reaching(2);
+        for sequence in 0..6 {
+            door.admit();
+            door.done(sequence);
+        }
+        door.admit();
+        door.admit();
+        door.done(7);
+        let sequences = |door: &Door| -> Vec<u64> {
+            let scans = door.to_resend().into_iter();
+            scans.map(|scan| scan.sequence).collect()
+        };
+        assert_eq!(sequences(&door), [4, 5, 6, 7]);
+        assert_eq!(door.needed_from(), 4);
+        door.done(6);
+        assert_eq!((sequences(&door), door.needed_from()), (vec![6, 7], 6));
+    }
+
+    #[test]
     fn a_resumed_door_goes_on_where_the_last_one_stood() {
         let mut door = Door::new(3);
         for _ in 0..3 {
@@ -182,6 +238,7 @@ mod tests {
         door.done(1);
         let resumed = Door::resume(
             3,
+            door.past(),
             door.under_way(),
             door.admitted(),
             door.next_tick(),

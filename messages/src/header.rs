@@ -52,7 +52,8 @@ pub struct Header {
     pub sequence: u64,
     /// When the scan was taken, in nanoseconds since 1970; set once by capture.
     pub capture_nanos: u64,
-    /// Where the view's camera stands along the baseline, in metres.
+    /// Where the view's camera stands along the baseline, in metres; on a rail where it stood when the frame was taken,
+    /// in every message of that frame.
     pub position_m: f64,
     /// Index of the view, left to right, or [`NONE`].
     pub view: u32,
@@ -64,7 +65,7 @@ pub struct Header {
     pub height: u32,
     /// Elements in each section of the payload.
     pub lens: [u32; 4],
-    /// Transport: every scan below this number is done everywhere.
+    /// Transport: every scan below this number is done everywhere, and so is every scan that depends on it.
     pub done_below: u64,
     /// Transport: nanoseconds its maker spent on it.
     pub elapsed_nanos: u64,

@@ -36,10 +36,11 @@ pub use header::{Header, NONE, Size};
 pub use payload::{
     AnyView, Curve, Curves, CurvesRoom, CurvesView, Difference, Disparity, DisparityRoom,
     DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom,
-    EvaluationView, Image, ImageRoom, ImageView, List, Match, MatchPoint, Matches, MatchesRoom,
-    MatchesView, Message, Owned, Point, Points, PointsRoom, PointsView, Rejected, Score, Section,
-    Share, Table, Tables, TablesRoom, TablesView, Truth, TruthRoom, TruthView,
+    EvaluationView, Growing, GrowingRoom, GrowingView, Image, ImageRoom, ImageView, List, Map,
+    MapPoint, MapRoom, MapView, Match, MatchPoint, Matches, MatchesRoom, MatchesView, Message,
+    Owned, Point, Points, PointsRoom, PointsView, Rejected, Score, Section, Share, Table, Tables,
+    TablesRoom, TablesView, Truth, TruthRoom, TruthView,
 };
 pub use reason::Reason;
-pub use rig::{Delivery, Rig, View};
+pub use rig::{Delivery, Rail, Rig, View};
 pub use topic::{Kind, Stage, Topic};

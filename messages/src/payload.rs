@@ -115,7 +115,8 @@ pub struct Entry {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Match {
-    /// Labels of the three curves, left to right; [`NONE`](crate::NONE) of a view that took no part.
+    /// Labels of the three curves, left to right, on a rail the newest frame's first; [`NONE`](crate::NONE) of a view
+    /// that took no part.
     pub curves: [u32; 3],
     /// Index of its first point.
     pub first: u32,
@@ -181,6 +182,26 @@ pub struct Point {
     pub curve: u32,
     /// Index of the channel it comes from.
     pub channel: u32,
+}
+
+/// A point that was seen from several places, in the frame of the rail.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct MapPoint {
+    /// Metres to the right of where the rail begins.
+    pub x: f32,
+    /// Metres down.
+    pub y: f32,
+    /// Metres forward.
+    pub z: f32,
+    /// Standard deviation of its distance, in metres.
+    pub sigma: f32,
+    /// Disparity of a baseline, in pixels.
+    pub disparity: f32,
+    /// The best score of its sightings, 0 to 1, higher is surer.
+    pub score: f32,
+    /// Frames that saw it.
+    pub sightings: u32,
 }
 
 /// How points compare with the truth: those of the scan's result, or of one channel's matches.
@@ -602,6 +623,22 @@ message! {
 }
 
 message! {
+    /// What a frame settles of the map: every point of the map comes once.
+    Map, MapView, MapRoom {
+        /// In raster order of where they were seen last.
+        points: MapPoint = |size| 3 * size.pixels(),
+    }
+}
+
+message! {
+    /// Points of the map that are still followed, as they are now.
+    Growing, GrowingView, GrowingRoom {
+        /// In raster order of where they were seen last, frame by frame, the newest first.
+        points: MapPoint = |size| 3 * size.pixels(),
+    }
+}
+
+message! {
     /// How a scan's points compare with the truth.
     Evaluation, EvaluationView, EvaluationRoom {
         /// First the scan's result, then each channel's matches, coarse to fine.
@@ -686,6 +723,8 @@ any_view! {
     Matches(MatchesView)
     Disparity(DisparityView)
     Points(PointsView)
+    Map(MapView)
+    Growing(GrowingView)
     Evaluation(EvaluationView)
 }
 
@@ -701,6 +740,8 @@ impl AnyView<'_> {
             | Self::Edges(_)
             | Self::Disparity(_)
             | Self::Points(_)
+            | Self::Map(_)
+            | Self::Growing(_)
             | Self::Evaluation(_) => true,
         }
     }

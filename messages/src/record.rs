@@ -29,7 +29,10 @@ pub use schema::Schema;
 pub use statistics::{Milliseconds, Statistics};
 pub use views::{Colours, Span, Views, paint};
 
-use crate::rig::Rig;
+/// The topic that says where everything stands.
+pub const TRANSFORMS: &str = "tf";
+
+use crate::rig::{Rail, Rig};
 use crate::topic::{Kind, Topic};
 
 /// What a recording's channel carries.
@@ -125,6 +128,10 @@ impl Codec {
 
     /// Whether messages of this topic may refer to those of the topic of this name.
     pub fn refers(&self, topic: &Topic, name: &str) -> bool {
+        // Only there it stands where a camera that moves was.
+        if name == TRANSFORMS && self.rig.rail.is_some() {
+            return true;
+        }
         let to: &[Kind] = match topic.kind {
             Kind::Curves => &[Kind::Edges],
             Kind::Tables => &[Kind::Curves, Kind::Edges],
@@ -134,10 +141,11 @@ impl Codec {
         to.iter().any(is_it)
     }
 
-    /// The frames that transforms name: `world`, `rig`, and every view's optical one.
+    /// The frames that transforms name: `world`, `rig`, every view's optical one, and that of a rail.
     pub fn frames(&self) -> impl Iterator<Item = &str> {
         let optical = self.optical_frames.iter().map(String::as_str);
-        ["world", "rig"].into_iter().chain(optical)
+        let rail = self.rig.rail.map(|_| Rail::FRAME);
+        ["world", "rig"].into_iter().chain(optical).chain(rail)
     }
 
     /// The rig.
@@ -172,7 +180,7 @@ impl Codec {
         let views = 0..self.rig.views.len();
 
         let mut all = vec![channel(
-            "tf".to_owned(),
+            TRANSFORMS.to_owned(),
             Content::Transforms,
             Schema::transforms(),
         )];

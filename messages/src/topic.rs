@@ -19,18 +19,21 @@ pub enum Stage {
     Hough,
     /// R-tables become matches, disparities and points.
     Match,
+    /// Points of many frames along a rail become one map.
+    Map,
     /// Points are compared with the truth, where it is known.
     Evaluate,
 }
 
 impl Stage {
     /// All of them, in order.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Capture,
         Self::Filter,
         Self::Track,
         Self::Hough,
         Self::Match,
+        Self::Map,
         Self::Evaluate,
     ];
 
@@ -42,6 +45,7 @@ impl Stage {
             Self::Track => "track",
             Self::Hough => "hough",
             Self::Match => "match",
+            Self::Map => "map",
             Self::Evaluate => "evaluate",
         }
     }
@@ -54,6 +58,7 @@ impl Stage {
             Self::Track => &[Kind::Edges],
             Self::Hough => &[Kind::Curves],
             Self::Match => &[Kind::Curves, Kind::Tables],
+            Self::Map => &[Kind::Points],
             Self::Evaluate => &[Kind::Image, Kind::Truth, Kind::Matches, Kind::Points],
         }
     }
@@ -86,13 +91,17 @@ pub enum Kind {
     Disparity,
     /// The points in space, one topic.
     Points,
+    /// Points of the map that are settled, each once, one topic, of a rail only.
+    Map,
+    /// Points of the map that are still followed, one topic, of a rail only.
+    Growing,
     /// How the points compare with the truth, one topic.
     Evaluation,
 }
 
 impl Kind {
     /// All of them, in the order a scan makes them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Image,
         Self::Truth,
         Self::Edges,
@@ -101,6 +110,8 @@ impl Kind {
         Self::Matches,
         Self::Disparity,
         Self::Points,
+        Self::Map,
+        Self::Growing,
         Self::Evaluation,
     ];
 
@@ -112,6 +123,7 @@ impl Kind {
             Self::Curves => Stage::Track,
             Self::Tables => Stage::Hough,
             Self::Matches | Self::Disparity | Self::Points => Stage::Match,
+            Self::Map | Self::Growing => Stage::Map,
             Self::Evaluation => Stage::Evaluate,
         }
     }
@@ -132,7 +144,7 @@ impl Kind {
         )
     }
 
-    /// The first part of the topic's name.
+    /// The first part of the topic's name, or all of it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Image => "image",
@@ -143,6 +155,8 @@ impl Kind {
             Self::Matches => "matches",
             Self::Disparity => "disparity",
             Self::Points => "points",
+            Self::Map => "map",
+            Self::Growing => "map/growing",
             Self::Evaluation => "evaluation",
         }
     }
@@ -168,9 +182,13 @@ impl Topic {
             Kind::Edges | Kind::Curves | Kind::Tables => {
                 format!("{}/{}", kind.name(), rig.views[view as usize].name)
             }
-            Kind::Truth | Kind::Matches | Kind::Disparity | Kind::Points | Kind::Evaluation => {
-                kind.name().to_owned()
-            }
+            Kind::Truth
+            | Kind::Matches
+            | Kind::Disparity
+            | Kind::Points
+            | Kind::Map
+            | Kind::Growing
+            | Kind::Evaluation => kind.name().to_owned(),
         };
         if channel != NONE {
             name = format!("{name}/{}", rig.channels[channel as usize]);
@@ -191,8 +209,11 @@ impl Topic {
             .collect()
     }
 
-    /// The topics of one kind, by view, then channel.
+    /// The topics of one kind, by view, then channel; what only a rail has a rig does not.
     pub fn of(rig: &Rig, kind: Kind) -> Vec<Self> {
+        if kind.stage() == Stage::Map && rig.rail.is_none() {
+            return Vec::new();
+        }
         let indices = |some: bool, len: usize| match some {
             true => (0..len as u32).collect(),
             false => vec![NONE],
@@ -215,7 +236,7 @@ mod tests {
     fn topics_are_named_by_kind_view_and_channel() {
         let rig = Rig::of_views(3, &[30.0, 1.5], Size::new(64, 64));
         let names: Vec<String> = Topic::all(&rig).into_iter().map(|t| t.name).collect();
-        assert_eq!(names.len(), 3 + 3 * 6 + 2 + 4);
+        assert_eq!(names.len(), 3 + 3 * 6 + 2 + 4, "a rig has no map");
         for name in [
             "camera/left/image",
             "edges/centre/30",

@@ -734,7 +734,7 @@ fn foxglove_reads_calibration_frames_and_log() {
     let size = Size::new(40, 30);
 
     let mut bytes = Vec::new();
-    codec.calibration(2, NANOS, size, &mut bytes);
+    codec.calibration(2, NANOS, size, 0.0, &mut bytes);
     let read = fg::CameraCalibration::decode(&*bytes).unwrap();
     assert_eq!(
         (read.width, read.height, &*read.frame_id),
@@ -758,7 +758,7 @@ fn foxglove_reads_calibration_frames_and_log() {
     assert!((u - (30.0 - 2.0 * 10.0)).abs() < 1e-9);
 
     bytes.clear();
-    codec.transforms(NANOS, size, &mut bytes);
+    codec.transforms(NANOS, size, 0.0, &mut bytes);
     let read = fg::FrameTransforms::decode(&*bytes).unwrap().transforms;
     let names: Vec<_> = read
         .iter()

@@ -122,6 +122,9 @@ pub struct Progress {
     pub next_tick: u64,
     /// The scans under way, and which scan of the source each is.
     pub under_way: Vec<(u64, u64)>,
+    /// Scans that are done and that others depend on, likewise.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub past: Vec<(u64, u64)>,
     /// Scans that never went through the door, by cause.
     #[serde(default)]
     pub refused: BTreeMap<String, u64>,

@@ -18,17 +18,16 @@ impl Bus {
     /// # Errors
     /// When the subscriber cannot be made.
     pub fn gate(&mut self, resume: &Progress, total: Option<u64>) -> Result<Gate, BusError> {
-        let under_way = resume
-            .under_way
-            .iter()
-            .map(|&(sequence, tick)| UnderWay { sequence, tick });
+        let scan = |&(sequence, tick): &(u64, u64)| UnderWay { sequence, tick };
         let door = Door::resume(
             self.run().in_flight,
-            under_way,
+            resume.past.iter().map(scan),
+            resume.under_way.iter().map(scan),
             resume.admitted,
             resume.next_tick,
             resume.refused.clone(),
-        );
+        )
+        .reaching(self.run().rig.reach());
         Ok(Gate {
             door,
             dones: self.dones()?,
@@ -88,17 +87,17 @@ impl Gate {
 
     /// Tells how far the scans have come.
     fn tell(&self, bus: &Bus) {
+        let scans = |scans: &mut dyn Iterator<Item = UnderWay>| {
+            scans.map(|scan| (scan.sequence, scan.tick)).collect()
+        };
         bus.progress(Progress {
             admitted: self.door.admitted(),
             done: self.door.done_count(),
             done_below: self.door.done_below(),
             total: self.total,
             next_tick: self.door.next_tick(),
-            under_way: self
-                .door
-                .under_way()
-                .map(|scan| (scan.sequence, scan.tick))
-                .collect(),
+            under_way: scans(&mut self.door.under_way()),
+            past: scans(&mut self.door.past()),
             refused: self.door.refused().clone(),
         });
     }

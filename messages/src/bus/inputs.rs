@@ -189,8 +189,16 @@ impl Joined {
         let heads = self.messages.iter().map(Received::header);
         let done_below = heads.clone().map(|head| head.done_below).max();
         let first = heads.clone().next().unwrap_or_default();
+        let stand_together = heads
+            .clone()
+            .all(|head| head.position_m == first.position_m);
         Header {
             done_below: done_below.unwrap_or_default(),
+            position_m: if stand_together {
+                first.position_m
+            } else {
+                0.0
+            },
             ..Header::new(self.sequence, first.capture_nanos, first.size())
         }
     }

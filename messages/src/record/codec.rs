@@ -11,10 +11,11 @@ use super::wire::{Fields, Fill, Value, varint_len};
 use crate::header::{Header, NONE, Size};
 use crate::payload::{
     AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edge, Edges, EdgesRoom,
-    EdgesView, Entry, Evaluation, EvaluationRoom, Image, ImageRoom, List, Matches, MatchesRoom,
-    MatchesView, Message, Owned, Points, PointsRoom, Tables, TablesRoom, TablesView, Truth,
-    TruthRoom,
+    EdgesView, Entry, Evaluation, EvaluationRoom, Growing, GrowingRoom, Image, ImageRoom, List,
+    Map, MapRoom, Matches, MatchesRoom, MatchesView, Message, Owned, Points, PointsRoom, Tables,
+    TablesRoom, TablesView, Truth, TruthRoom,
 };
+use crate::rig::Rail;
 use crate::topic::{Kind, Topic};
 
 #[cfg(target_endian = "big")]
@@ -65,6 +66,7 @@ impl Codec {
     ) {
         let frame = match (topic.kind, self.rig.views.get(topic.view as usize)) {
             (Kind::Edges, _) => &self.pixel_frames[topic.view as usize],
+            (Kind::Map | Kind::Growing, _) => Rail::FRAME,
             (_, Some(_)) => &self.optical_frames[topic.view as usize],
             (_, None) => &self.optical_frames[self.reference],
         };
@@ -83,6 +85,8 @@ impl Codec {
             AnyView::Matches(matches) => matches_message(&head, matches, out),
             AnyView::Disparity(picture) => raw_image(&head, "32FC1", picture.disparity, out),
             AnyView::Points(points) => cloud(&head, points.points, out),
+            AnyView::Map(map) => cloud(&head, map.points, out),
+            AnyView::Growing(growing) => cloud(&head, growing.points, out),
             AnyView::Truth(truth) => raw_image(&head, "32FC1", truth.disparity, out),
             AnyView::Evaluation(evaluation) => {
                 own_head(&head, out);
@@ -353,20 +357,26 @@ impl Recorded for Edges {
     }
 }
 
-impl Recorded for Points {
-    fn read<'a>(
-        bytes: &'a [u8],
-        most: Size,
-        _: Others<'_, 'a>,
-        room: &mut PointsRoom<'_>,
-    ) -> Result<Size, DecodeError> {
-        read_cloud(bytes, most, &mut room.points)
-    }
+/// Kinds of message that are a cloud of points and nothing else.
+macro_rules! clouds {
+    ($($kind:ident($room:ident))+) => {$(
+        impl Recorded for $kind {
+            fn read<'a>(
+                bytes: &'a [u8],
+                most: Size,
+                _: Others<'_, 'a>,
+                room: &mut $room<'_>,
+            ) -> Result<Size, DecodeError> {
+                read_cloud(bytes, most, &mut room.points)
+            }
 
-    fn is_sound(_: Self::View<'_>) -> bool {
-        true
-    }
+            fn is_sound(_: Self::View<'_>) -> bool {
+                true
+            }
+        }
+    )+};
 }
+clouds! { Points(PointsRoom) Map(MapRoom) Growing(GrowingRoom) }
 
 // ---- our own messages ----
 

@@ -120,6 +120,8 @@ impl Encoder {
         let refers = *refers;
         // All views of a scan are of one size, and every message says it.
         let size = first.size();
+        // So they say where the camera stood, when it is one that moves.
+        let position_m = first.position_m;
         // Only what is recorded too can be referred to.
         let beside = |topic: &Topic| {
             let of = |kind| {
@@ -156,10 +158,12 @@ impl Encoder {
             }
             match &channel.content {
                 Content::Transforms => {
-                    sink.add(index, |out| codec.transforms(nanos, size, out));
+                    sink.add(index, |out| codec.transforms(nanos, size, position_m, out));
                 }
                 Content::Calibration(view) => {
-                    sink.add(index, |out| codec.calibration(*view, nanos, size, out));
+                    sink.add(index, |out| {
+                        codec.calibration(*view, nanos, size, position_m, out);
+                    });
                 }
                 Content::Annotations(view) => {
                     let curves = find(Kind::Curves, *view as u32, finest);

@@ -36,7 +36,8 @@ impl Views {
             longest,
             labels,
         } = self;
-        let matches = matches.filter(|_| codec.rig.views.len() == 3);
+        let names_views = codec.rig.views.len() == 3 || codec.rig.rail.is_some();
+        let matches = matches.filter(|_| names_views);
         let found = matches.map_or(&[][..], |(matches, _)| matches.matches);
         assign(curves, found, header.view, of_curve);
         let colour_at = |share: f32| opaque(colours.of(share));

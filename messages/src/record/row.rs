@@ -4,7 +4,9 @@ use std::mem::offset_of;
 
 use bytemuck::Pod;
 
-use crate::payload::{Curve, Edge, Entry, Match, MatchPoint, Point, Rejected, Score, Share, Table};
+use crate::payload::{
+    Curve, Edge, Entry, MapPoint, Match, MatchPoint, Point, Rejected, Score, Share, Table,
+};
 
 /// What a member is; the values are those of `foxglove.PackedElementField`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,6 +129,16 @@ row! { Point {
     channel: Uint32 = channel,
 } }
 
+row! { MapPoint {
+    x: Float32 = x,
+    y: Float32 = y,
+    z: Float32 = z,
+    sigma: Float32 = sigma,
+    disparity: Float32 = disparity,
+    score: Float32 = score,
+    sightings: Uint32 = sightings,
+} }
+
 row! { Score {
     channel: Uint32 = channel,
     edges: Uint32 = edges,
@@ -174,6 +186,7 @@ mod tests {
         tells_all::<MatchPoint>();
         tells_all::<Rejected>();
         tells_all::<Point>();
+        tells_all::<MapPoint>();
         tells_all::<Score>();
         tells_all::<Share>();
     }

@@ -1,12 +1,14 @@
 //! Where the cameras stand and what they are: calibration, frames, log.
 //!
 //! Frames: `world` is the rig's place, `rig` the rig itself, both after ROS: x forward, y left, z up. Every view has
-//! `<view>_optical` at its position along the baseline: x right, y down, z forward. Edges, which have no depth, live
+//! `<view>_optical` at its position along the baseline: x right, y down, z forward. Where the camera moves along a rail,
+//! its frame moves with it, and `rail` is where it stands at position 0, with the same axes. Edges, which have no depth, live
 //! in `<view>_pixels`, which is joined to nothing: x right, y down, in pixels.
 
 use super::Codec;
-use super::wire::Fill;
+use super::wire::{Fields, Fill, Value};
 use crate::header::Size;
+use crate::rig::Rail;
 
 /// How much a line of the log matters; the values are those of `foxglove.Log`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -33,6 +35,9 @@ impl From<crate::bus::Level> for Level {
     }
 }
 
+/// The rig's own frame.
+const RIG: &str = "rig";
+
 /// From the rig's axes to the optical ones: (x, y, z) right, down, forward is (−y, −z, x) of forward, left, up.
 const OPTICAL_IN_RIG: [f64; 4] = [-0.5, 0.5, -0.5, 0.5];
 
@@ -40,11 +45,18 @@ impl Codec {
     /// Appends a view's `foxglove.CameraCalibration` for images of this size.
     ///
     /// There is no distortion (`plumb_bob` of zeros). P of a view at position p has −f·p in its fourth column, as
-    /// stereo tools expect of rectified views.
-    pub fn calibration(&self, view: usize, nanos: u64, size: Size, out: &mut Vec<u8>) {
+    /// stereo tools expect of rectified views. A camera that moves stands at `position_m`.
+    pub fn calibration(
+        &self,
+        view: usize,
+        nanos: u64,
+        size: Size,
+        position_m: f64,
+        out: &mut Vec<u8>,
+    ) {
         let camera = self.rig.calibration(size);
         let (f, cx, cy) = (camera.focal_px, camera.cx, camera.cy);
-        let shift = -f * self.rig.position_m(view, size);
+        let shift = -f * self.place_m(view, size, position_m);
         let mut fill = Fill(out);
         fill.timestamp(1, nanos);
         fill.fixed32(2, size.width);
@@ -57,8 +69,17 @@ impl Codec {
         fill.text(9, &self.optical_frames[view]);
     }
 
-    /// Appends the `foxglove.FrameTransforms` from `world` over `rig` to every view's optical frame.
-    pub fn transforms(&self, nanos: u64, size: Size, out: &mut Vec<u8>) {
+    /// Where a view's camera stands, when one that moves stands at `position_m`.
+    fn place_m(&self, view: usize, size: Size, position_m: f64) -> f64 {
+        match self.rig.rail {
+            Some(_) => position_m,
+            None => self.rig.position_m(view, size),
+        }
+    }
+
+    /// Appends the `foxglove.FrameTransforms` from `world` over `rig` to every view's optical frame, and to `rail` where
+    /// there is one, whose camera stands at `position_m`.
+    pub fn transforms(&self, nanos: u64, size: Size, position_m: f64, out: &mut Vec<u8>) {
         let mut fill = Fill(out);
         let mut transform =
             |parent: &str, child: &str, translation: [f64; 3], rotation: [f64; 4]| {
@@ -70,12 +91,36 @@ impl Codec {
                     transform.message(5, |quaternion| numbers(quaternion, &rotation));
                 });
             };
-        transform("world", "rig", [0.0; 3], [0.0, 0.0, 0.0, 1.0]);
+        transform("world", RIG, [0.0; 3], [0.0, 0.0, 0.0, 1.0]);
         for (view, frame) in self.optical_frames.iter().enumerate() {
             // To the right is −y of the rig.
-            let translation = [0.0, -self.rig.position_m(view, size), 0.0];
-            transform("rig", frame, translation, OPTICAL_IN_RIG);
+            let translation = [0.0, -self.place_m(view, size, position_m), 0.0];
+            transform(RIG, frame, translation, OPTICAL_IN_RIG);
         }
+        if self.rig.rail.is_some() {
+            transform(RIG, Rail::FRAME, [0.0; 3], OPTICAL_IN_RIG);
+        }
+    }
+
+    /// Where the camera stood, in metres, that moves along a rail, as [`transforms`](Self::transforms) say it; `None`
+    /// when they do not.
+    pub fn position_in(&self, transforms: &[u8]) -> Option<f64> {
+        let frame = self.optical_frames.first()?.as_bytes();
+        Fields::new(transforms).find_map(|field| {
+            let (1, transform) = field.ok()? else {
+                return None;
+            };
+            let (mut child, mut right) = (&[][..], None);
+            for field in Fields::new(transform.bytes().ok()?) {
+                match field.ok()? {
+                    (3, value) => child = value.bytes().ok()?,
+                    // To the right is −y of the rig.
+                    (4, vector) => right = Some(-second(vector.bytes().ok()?)),
+                    _ => {}
+                }
+            }
+            right.filter(|_| child == frame)
+        })
     }
 
     /// Appends a `foxglove.Log`: a line that `node` said.
@@ -86,6 +131,15 @@ impl Codec {
         fill.text(3, line);
         fill.text(4, node);
     }
+}
+
+/// y of a `foxglove.Vector3`.
+fn second(vector: &[u8]) -> f64 {
+    let is_it = |field: Result<(u32, Value<'_>), _>| match field {
+        Ok((2, value)) => value.double().ok(),
+        _ => None,
+    };
+    Fields::new(vector).find_map(is_it).unwrap_or_default()
 }
 
 fn numbers(fill: &mut Fill<'_>, values: &[f64]) {

@@ -38,7 +38,7 @@ impl Schema {
     pub fn of(kind: Kind) -> Self {
         match kind {
             Kind::Image | Kind::Truth | Kind::Disparity => Self::image(),
-            Kind::Edges | Kind::Points => Self::cloud(),
+            Kind::Edges | Kind::Points | Kind::Map | Kind::Growing => Self::cloud(),
             Kind::Curves => Self::own("Curves"),
             Kind::Tables => Self::own("Tables"),
             Kind::Matches => Self::own("Matches"),
@@ -82,6 +82,8 @@ impl Schema {
             "matches",
             "match_points",
             "points",
+            "settled",
+            "growing",
             "bytes",
         ];
         let mut properties = serde_json::Map::new();

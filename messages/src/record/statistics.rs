@@ -19,6 +19,9 @@ pub struct Milliseconds {
     pub hough: f64,
     /// To match its curves.
     pub r#match: f64,
+    /// To fuse its points with those of the frames before, on a rail.
+    #[serde(default)]
+    pub map: f64,
     /// To compare its points with the truth.
     #[serde(default)]
     pub evaluate: f64,
@@ -49,6 +52,12 @@ pub struct Statistics {
     /// Mean disparity of the points in space, in pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub disparity: Option<f64>,
+    /// On a rail, points of the map that it settles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settled: Option<u64>,
+    /// On a rail, points of the map that are still followed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub growing: Option<u64>,
     /// Bytes of its messages.
     pub bytes: u64,
     /// What it took.
@@ -62,6 +71,14 @@ impl Statistics {
         let spent = &mut self.milliseconds;
         match view {
             AnyView::Image(_) | AnyView::Truth(_) => spent.capture += milliseconds,
+            AnyView::Map(map) => {
+                spent.map += milliseconds;
+                self.settled = Some(map.points.len() as u64);
+            }
+            AnyView::Growing(growing) => {
+                spent.map += milliseconds;
+                self.growing = Some(growing.points.len() as u64);
+            }
             AnyView::Evaluation(_) => spent.evaluate += milliseconds,
             AnyView::Edges(edges) => {
                 spent.filter += milliseconds;

@@ -88,6 +88,15 @@ impl<'a> Iterator for Fields<'a> {
     }
 }
 
+impl Value<'_> {
+    pub(super) fn double(self) -> Result<f64, DecodeError> {
+        match self {
+            Self::Fixed64(bits) => Ok(f64::from_bits(bits)),
+            _ => Err(DecodeError::Malformed),
+        }
+    }
+}
+
 /// Appends fields to a message. Zeros are written too: what is written tells all by itself.
 #[derive(Debug)]
 pub(super) struct Fill<'a>(pub(super) &'a mut Vec<u8>);

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::ledger::Ledger;
-use crate::record::{Codec, DecodeError, Recorded, Said};
+use crate::record::{Codec, DecodeError, Recorded, Said, TRANSFORMS};
 use crate::{CurvesView, Header, Kind, Owned, Topic};
 use mcap::Attachment;
 use mcap::records::ChunkIndex;
@@ -169,9 +169,27 @@ impl Scan {
             _ => self.beside(codec, topic, kind),
         };
         let bytes = self.needed(topic)?;
-        codec
+        let header = codec
             .decode_room::<M>(topic, self.sequence, self.nanos, bytes, &beside, room)
-            .map_err(|source| self.damaged(topic, source))
+            .map_err(|source| self.damaged(topic, source))?;
+        self.placed(codec, header)
+    }
+
+    /// The header with where the camera stood, when it is one that moves.
+    fn placed(&self, codec: &Codec, header: Header) -> Result<Header, ReadError> {
+        if codec.rig().rail.is_none() {
+            return Ok(header);
+        }
+        let transforms = self.message(TRANSFORMS);
+        let position = transforms.and_then(|transforms| codec.position_in(transforms));
+        let position_m = position.ok_or_else(|| ReadError::NoMessage {
+            scan: self.sequence,
+            topic: TRANSFORMS.to_owned(),
+        })?;
+        Ok(Header {
+            position_m,
+            ..header
+        })
     }
 
     fn beside(&self, codec: &Codec, topic: &Topic, kind: Kind) -> Option<Said<'_>> {
@@ -206,7 +224,7 @@ impl Scan {
     /// When there is none, or it is damaged.
     pub fn decode<M: Recorded>(&self, codec: &Codec, topic: &Topic) -> Result<Owned<M>, ReadError> {
         let beside = |kind| self.beside(codec, topic, kind);
-        codec
+        let mut message = codec
             .decode(
                 topic,
                 self.sequence,
@@ -214,7 +232,9 @@ impl Scan {
                 self.needed(topic)?,
                 &beside,
             )
-            .map_err(|source| self.damaged(topic, source))
+            .map_err(|source| self.damaged(topic, source))?;
+        message.header = self.placed(codec, message.header)?;
+        Ok(message)
     }
 }
 

@@ -227,6 +227,44 @@ pub enum SourceError {
         why: String,
     },
 
+    /// A file of positions that cannot be used.
+    #[error("{} does not say where the frames were taken: {why}", path.display())]
+    Positions {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+
+    /// A rail along which nothing moves.
+    #[error("the camera does not move in any of {frames} frames: a triple needs three places")]
+    NoMotion {
+        /// How many frames there are.
+        frames: usize,
+    },
+
+    /// Frames of a triple further apart than there are frames.
+    #[error(
+        "a stride of {stride} needs more than the {frames} frames there are; it can be at most {longest}"
+    )]
+    Stride {
+        /// The stride.
+        stride: u64,
+        /// The longest that there could be.
+        longest: u64,
+        /// How many frames there are.
+        frames: usize,
+    },
+
+    /// Several scenes where a camera passes one.
+    #[error("a rail passes one scene, and {scene} is {count}; choose one of them")]
+    OneScene {
+        /// The source.
+        scene: String,
+        /// How many scenes there are.
+        count: usize,
+    },
+
     /// A camera_info file that cannot be used.
     #[error("{} gives no calibration: {why}", path.display())]
     CameraInfo {
@@ -248,6 +286,8 @@ impl SourceError {
                 | Self::ViewOrder { .. }
                 | Self::NoSuchView { .. }
                 | Self::UnequalSteps { .. }
+                | Self::Stride { .. }
+                | Self::OneScene { .. }
         )
     }
 

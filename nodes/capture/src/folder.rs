@@ -11,6 +11,7 @@ use crate::description::Description;
 use crate::error::SourceError;
 use crate::image_file::{self, Head};
 use crate::middlebury;
+use crate::settings::Mode;
 use crate::truth::{Encoding, TruthFile};
 
 /// The images of one scene, in a folder.
@@ -23,8 +24,10 @@ pub(crate) struct Album {
     pub(crate) shots: Vec<Shot>,
     pub(crate) choice: Choice,
     pub(crate) size: Size,
-    /// Steps between neighbouring chosen views.
+    /// Steps between neighbouring chosen views; of a rail one.
     pub(crate) step: f64,
+    /// Whether it is said where the views were taken.
+    pub(crate) is_described: bool,
     /// Whether any chosen image is in colour, and whether any has 16 bit.
     pub(crate) is_colour: bool,
     pub(crate) is_deep: bool,
@@ -67,8 +70,22 @@ impl Choice {
         Self { views, why }
     }
 
-    /// The step between the chosen views, when the choice makes sense for a scene of views at these positions.
-    pub(crate) fn step(&self, scene: &str, positions: &[f64]) -> Result<f64, SourceError> {
+    /// The frames asked for, or all.
+    fn of_frames(asked: &[u32], count: usize) -> Self {
+        match asked.is_empty() {
+            true => Self {
+                views: (0..count as u32).collect(),
+                why: Why::All,
+            },
+            false => Self {
+                views: asked.to_vec(),
+                why: Why::Asked,
+            },
+        }
+    }
+
+    /// Whether these are at least three views of a scene of so many, in order.
+    fn check(&self, scene: &str, count: usize) -> Result<(), SourceError> {
         let chosen = &self.views;
         if chosen.len() < 3 {
             return Err(SourceError::TooFewChosen {
@@ -80,20 +97,24 @@ impl Choice {
                 chosen: chosen.clone(),
             });
         }
-        let scene = scene.to_owned();
-        let mut places = Vec::new();
-        for &view in chosen {
-            match positions.get(view as usize) {
-                Some(&position) => places.push(position),
-                None => {
-                    return Err(SourceError::NoSuchView {
-                        scene,
-                        view,
-                        count: positions.len(),
-                    });
-                }
-            }
+        match chosen.iter().find(|&&view| view as usize >= count) {
+            Some(&view) => Err(SourceError::NoSuchView {
+                scene: scene.to_owned(),
+                view,
+                count,
+            }),
+            None => Ok(()),
         }
+    }
+
+    /// The step between the chosen views, when the choice makes sense for a scene of views at these positions.
+    pub(crate) fn step(&self, scene: &str, positions: &[f64]) -> Result<f64, SourceError> {
+        self.check(scene, positions.len())?;
+        let (chosen, scene) = (&self.views, scene.to_owned());
+        let places: Vec<f64> = chosen
+            .iter()
+            .map(|&view| positions[view as usize])
+            .collect();
         let step = places[1] - places[0];
         if places
             .windows(2)
@@ -140,16 +161,16 @@ impl Listing {
 }
 
 /// Opens a folder of images, or a folder of such folders, and checks the head of every chosen image.
-pub(crate) fn open(folder: &Path, asked: &[u32]) -> Result<Vec<Album>, SourceError> {
+pub(crate) fn open(folder: &Path, asked: &[u32], mode: Mode) -> Result<Vec<Album>, SourceError> {
     let listing = Listing::read(folder)?;
-    if let Some(album) = album(folder, &listing, asked)? {
+    if let Some(album) = album(folder, &listing, asked, mode)? {
         return Ok(vec![album]);
     }
     let mut albums: Vec<Album> = Vec::new();
     let mut others = listing.others;
     for folder in &listing.folders {
         let inner = Listing::read(folder)?;
-        match album(folder, &inner, asked)? {
+        match album(folder, &inner, asked, mode)? {
             Some(album) => albums.push(album),
             None => others += inner.others,
         }
@@ -173,9 +194,15 @@ pub(crate) fn open(folder: &Path, asked: &[u32]) -> Result<Vec<Album>, SourceErr
 }
 
 /// The scene in a folder; `None` when it holds neither images nor a description.
-fn album(folder: &Path, listing: &Listing, asked: &[u32]) -> Result<Option<Album>, SourceError> {
+fn album(
+    folder: &Path,
+    listing: &Listing,
+    asked: &[u32],
+    mode: Mode,
+) -> Result<Option<Album>, SourceError> {
     let described = Description::read(folder)?;
     let others = listing.others - usize::from(described.is_some());
+    let is_described = described.is_some();
     let (files, positions, triple, truths) = match described {
         Some(own) => (
             own.views
@@ -213,8 +240,19 @@ fn album(folder: &Path, listing: &Listing, asked: &[u32]) -> Result<Option<Album
             found: files.len(),
         });
     }
-    let choice = Choice::among(asked, files.len(), triple.as_deref());
-    let step = choice.step(&folder.display().to_string(), &positions)?;
+    let scene = folder.display().to_string();
+    let (choice, step) = match mode {
+        Mode::Rig => {
+            let choice = Choice::among(asked, files.len(), triple.as_deref());
+            let step = choice.step(&scene, &positions)?;
+            (choice, step)
+        }
+        Mode::Rail => {
+            let choice = Choice::of_frames(asked, files.len());
+            choice.check(&scene, files.len())?;
+            (choice, 1.0)
+        }
+    };
     let shot = |&view: &u32| Shot {
         path: files[view as usize].clone(),
         position: positions[view as usize],
@@ -244,6 +282,7 @@ fn album(folder: &Path, listing: &Listing, asked: &[u32]) -> Result<Option<Album
         choice,
         size,
         step,
+        is_described,
         is_colour: heads.iter().any(|head| head.is_colour),
         is_deep: heads.iter().any(|head| head.is_deep),
         others,

@@ -16,8 +16,11 @@ mod error;
 mod folder;
 mod image_file;
 mod middlebury;
+mod motion;
 #[cfg(feature = "node")]
 pub mod node;
+mod positions;
+mod rail;
 mod scene;
 mod sensor;
 mod settings;
@@ -25,6 +28,6 @@ mod source;
 mod truth;
 
 pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
-pub use settings::Settings;
+pub use settings::{Mode, Settings};
 pub use source::{Place, Source};
 pub use truth::Truth;

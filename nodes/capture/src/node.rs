@@ -186,7 +186,8 @@ impl Capture {
                 let size = self.source.read(tick, view, &mut room)?;
                 (size, Filled::of::<Image>(&room))
             };
-            let position_m = self.rig.position_m(view, size);
+            let on_rail = self.source.position_m(tick);
+            let position_m = on_rail.unwrap_or_else(|| self.rig.position_m(view, size));
             let header = Header {
                 view: view as u32,
                 position_m,
@@ -225,11 +226,15 @@ impl Capture {
             }
             Filled::of::<messages::Truth>(&room)
         };
-        Ok((loan, filled, Header::new(0, nanos, size)))
+        let header = Header {
+            position_m: self.source.position_m(tick).unwrap_or_default(),
+            ..Header::new(0, nanos, size)
+        };
+        Ok((loan, filled, header))
     }
 
     fn send(&mut self, scan: UnderWay, loans: Loans) -> Result<(), CaptureError> {
-        let done_below = self.gate.door().done_below();
+        let done_below = self.gate.door().needed_from();
         let numbered = |header: Header| Header {
             sequence: scan.sequence,
             done_below,
@@ -246,7 +251,7 @@ impl Capture {
 
     /// Sends the scans under way once more, the oldest first.
     fn resend(&mut self) -> Result<(), CaptureError> {
-        for scan in self.gate.door().under_way().collect::<Vec<_>>() {
+        for scan in self.gate.door().to_resend() {
             let loans = self.read(scan.tick)?;
             self.send(scan, loans)?;
         }

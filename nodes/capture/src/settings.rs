@@ -1,6 +1,18 @@
 //! Settings of the capture node.
 
 use messages::Kind;
+use serde::{Deserialize, Serialize};
+
+/// What a scan is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// Several views taken at once.
+    #[default]
+    Rig,
+    /// A frame of one camera that moves along a rail: triples are frames that follow each other.
+    Rail,
+}
 
 messages::settings! {
     /// Where scans come from and how many of them there are.
@@ -11,6 +23,18 @@ messages::settings! {
         /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps. Empty: all
         /// of exactly three, else the first triple that `scene.json` lists, else the first three.
         pub views: Vec<u32> = Vec::new(), in 0..=1000000;
+        /// What a scan is: rig (several views taken at once) or rail (a frame of one camera that moves; the views of a
+        /// scene, in order, are its frames).
+        pub mode: Mode = Mode::Rig;
+        /// Rail: frames from one member of a triple to the next; by default as many as keep nearly all disparities below
+        /// a thirty-second of the image's width, and at most a quarter of the frames.
+        pub stride: Option<u64> = None, in 1..=32;
+        /// Rail: path of a file that says where each frame was taken, a line each; its first line names the column:
+        /// position_m, position_mm, position_um or position_steps.
+        pub positions: Option<String> = None;
+        /// Rail: rows by which the picture lies lower a baseline further to the right, which is made good; by default it
+        /// is measured.
+        pub drift: Option<f64> = None, in -16.0..=16.0;
         /// How many scans; a source with fewer begins again. By default a folder is read once and a rendered scene
         /// gives 30 scans: one or two seconds of work, enough for steady figures.
         pub scans: Option<u64> = None, in 1..=1e15;
@@ -23,7 +47,8 @@ messages::settings! {
         /// When the first scan was taken, in nanoseconds since 1970; by default now. Two runs with the same start are
         /// equal to the byte.
         pub start: Option<u64> = None;
-        /// Distance between neighbouring chosen views, in metres; overrides what the source knows.
+        /// Distance between neighbouring chosen views, on a rail between positions a step apart, in metres; overrides what
+        /// the source knows.
         pub baseline: Option<f64> = None, in 0.000001..=10000.0;
         /// Focal length, in pixels; overrides what the source knows.
         pub focal: Option<f64> = None, in 1.0..=1000000.0;

@@ -11,9 +11,10 @@ use crate::camera_info::{self, Known};
 use crate::error::SourceError;
 use crate::folder::{self, Album, Choice, Why};
 use crate::image_file;
+use crate::rail::{Passed, Rail};
 use crate::scene::{self, Object, Rendered};
 use crate::sensor::Sensor;
-use crate::settings::Settings;
+use crate::settings::{Mode, Settings};
 use crate::truth::Truth;
 
 /// Scans of a rendered scene, when the settings do not say how many.
@@ -22,6 +23,8 @@ const RENDERED_SCANS: u64 = 30;
 /// Where scans come from: opened once, read at any scan.
 pub struct Source {
     kind: Kind,
+    /// When it is one camera that moves: a scan is a frame.
+    rail: Option<Rail>,
     scans: u64,
     calibration: Option<Calibration>,
     notices: Vec<String>,
@@ -71,6 +74,9 @@ impl Source {
                 nearest,
             });
         }
+        if settings.mode == Mode::Rail {
+            return Self::rendered_rail(&objects, settings);
+        }
         // A rail of five positions has no triple of its own: its first three are meant.
         let choice = Choice::among(&settings.views, scene::POSITIONS, None);
         let positions: Vec<f64> = (0..scene::POSITIONS)
@@ -87,6 +93,7 @@ impl Source {
                 scenes,
                 sensor: Sensor::new(settings.noise, settings.seed),
             },
+            rail: None,
             scans: settings.scans.unwrap_or(RENDERED_SCANS),
             calibration,
             notices: Vec::new(),
@@ -94,9 +101,49 @@ impl Source {
         })
     }
 
+    /// A camera that goes there and back along a rendered scene.
+    fn rendered_rail(objects: &[Object], settings: &Settings) -> Result<Self, SourceError> {
+        let &[object] = objects else {
+            return Err(SourceError::OneScene {
+                scene: settings.source.clone(),
+                count: objects.len(),
+            });
+        };
+        let last = scene::POSITIONS - 1;
+        let order: Vec<usize> = (0..last).chain((1..=last).rev()).collect();
+        let passed = Passed {
+            positions: order.iter().map(|&position| position as f64).collect(),
+            order,
+            is_described: true,
+        };
+        // Its five positions leave no choice, and it is level.
+        let settled = Settings {
+            stride: settings.stride.or(Some(1)),
+            drift: settings.drift.or(Some(0.0)),
+            ..settings.clone()
+        };
+        let camera = |in_metres| unit_camera(settings, in_metres, scene::camera(1.0), scene::SIZE);
+        let rail = Rail::new(&settled, passed, scene::SIZE, camera, |_| Ok(Vec::new()))?;
+        let positions: Vec<u32> = (0..=last as u32).collect();
+        Ok(Self {
+            kind: Kind::Rendered {
+                scenes: vec![Rendered::new(object, &positions)],
+                sensor: Sensor::new(settings.noise, settings.seed),
+            },
+            scans: settings.scans.unwrap_or(RENDERED_SCANS),
+            calibration: Some(rail.calibration),
+            notices: rail.notices.clone(),
+            warnings: rail.warnings.clone(),
+            rail: Some(rail),
+        })
+    }
+
     fn folders(path: &Path, settings: &Settings) -> Result<Self, SourceError> {
         folder::check(path, settings::nearest(&settings.source, known_scenes()))?;
-        let albums = folder::open(path, &settings.views)?;
+        let albums = folder::open(path, &settings.views, settings.mode)?;
+        if settings.mode == Mode::Rail {
+            return Self::folder_rail(albums, settings);
+        }
         let sizes: Vec<Size> = albums.iter().map(|album| album.size).collect();
         let (calibration, warnings) = calibration(settings, Known::default(), &sizes)?;
         let mut kept = Kept::default();
@@ -104,12 +151,66 @@ impl Source {
             kept.pixels(&albums, 0, view, None)?;
         }
         Ok(Self {
+            rail: None,
             scans: settings.scans.unwrap_or(albums.len() as u64),
             calibration,
             notices: notices(&albums),
             warnings,
             kind: Kind::Folders { albums, kept },
         })
+    }
+
+    /// The images of a folder as the frames of one camera.
+    fn folder_rail(albums: Vec<Album>, settings: &Settings) -> Result<Self, SourceError> {
+        let [album] = &albums[..] else {
+            return Err(SourceError::OneScene {
+                scene: settings.source.clone(),
+                count: albums.len(),
+            });
+        };
+        let passed = Passed {
+            order: (0..album.shots.len()).collect(),
+            positions: album.shots.iter().map(|shot| shot.position).collect(),
+            is_described: album.is_described,
+        };
+        let size = album.size;
+        let camera = |in_metres| unit_camera(settings, in_metres, Known::default(), size);
+        let mut kept = Kept::default();
+        let pixels = |view| Ok(kept.pixels(&albums, 0, view, None)?.to_vec());
+        let rail = Rail::new(settings, passed, size, camera, pixels)?;
+        let said = notices(&albums).into_iter();
+        Ok(Self {
+            scans: settings.scans.unwrap_or(rail.order.len() as u64),
+            calibration: Some(rail.calibration),
+            notices: said.chain(rail.notices.iter().cloned()).collect(),
+            warnings: rail.warnings.clone(),
+            rail: Some(rail),
+            kind: Kind::Folders { albums, kept },
+        })
+    }
+
+    /// The rail, when it is one camera that moves.
+    pub fn rail(&self) -> Option<messages::Rail> {
+        Some(self.rail.as_ref()?.rail)
+    }
+
+    /// Where the camera of a rail stood when it took a frame, in metres.
+    pub fn position_m(&self, scan: u64) -> Option<f64> {
+        Some(self.rail.as_ref()?.frame(scan).1)
+    }
+
+    /// What nearly all disparities of a rail lie between, in pixels a baseline, where its pictures were looked at.
+    pub fn disparities(&self) -> Option<(f32, f32)> {
+        self.rail.as_ref()?.disparities
+    }
+
+    /// Which scene and which of its chosen views a view of a scan shows.
+    fn place(&self, scan: u64, view: usize) -> (usize, usize) {
+        match (&self.rail, &self.kind) {
+            (Some(rail), _) => (0, rail.frame(scan).0),
+            (None, Kind::Rendered { scenes, .. }) => (turn(scan, scenes), view),
+            (None, Kind::Folders { albums, .. }) => (turn(scan, albums), view),
+        }
     }
 
     /// How many scans there are; a source that holds fewer begins again.
@@ -119,13 +220,17 @@ impl Source {
 
     /// How many views each scan has.
     pub fn view_count(&self) -> usize {
-        self.views(0).len()
+        match self.rail {
+            Some(_) => 1,
+            None => self.views(0).len(),
+        }
     }
 
-    /// The chosen views of a scan, left to right.
+    /// The chosen views of a scan, left to right; of a rail all its frames.
     pub fn views(&self, scan: u64) -> Vec<Place> {
+        let (scene, _) = self.place(scan, 0);
         match &self.kind {
-            Kind::Rendered { scenes, .. } => scenes[turn(scan, scenes)]
+            Kind::Rendered { scenes, .. } => scenes[scene]
                 .positions
                 .iter()
                 .map(|&position| Place {
@@ -133,7 +238,7 @@ impl Source {
                     position_steps: position.into(),
                 })
                 .collect(),
-            Kind::Folders { albums, .. } => albums[turn(scan, albums)]
+            Kind::Folders { albums, .. } => albums[scene]
                 .shots
                 .iter()
                 .map(|shot| Place {
@@ -144,11 +249,18 @@ impl Source {
         }
     }
 
-    /// A name for what a scan shows: the rendered object's, or its folder's.
-    pub fn name(&self, scan: u64) -> &str {
-        match &self.kind {
-            Kind::Rendered { scenes, .. } => scenes[turn(scan, scenes)].object.name(),
-            Kind::Folders { albums, .. } => &albums[turn(scan, albums)].name,
+    /// A name for what a scan shows: the rendered object's, or its folder's; of a rail the frame's.
+    pub fn name(&self, scan: u64) -> String {
+        let (scene, frame) = self.place(scan, 0);
+        match (&self.kind, &self.rail) {
+            (Kind::Rendered { scenes, .. }, None) => scenes[scene].object.name().to_owned(),
+            (Kind::Rendered { scenes, .. }, Some(_)) => {
+                format!("{} from position {frame}", scenes[scene].object.name())
+            }
+            (Kind::Folders { albums, .. }, None) => albums[scene].name.clone(),
+            (Kind::Folders { albums, .. }, Some(_)) => {
+                folder::name(&albums[scene].shots[frame].path)
+            }
         }
     }
 
@@ -156,7 +268,7 @@ impl Source {
     pub fn size_of(&self, scan: u64) -> Size {
         match &self.kind {
             Kind::Rendered { .. } => scene::SIZE,
-            Kind::Folders { albums, .. } => albums[turn(scan, albums)].size,
+            Kind::Folders { albums, .. } => albums[self.place(scan, 0).0].size,
         }
     }
 
@@ -201,9 +313,10 @@ impl Source {
         out: &mut ImageRoom<'_>,
     ) -> Result<Size, SourceError> {
         out.clear();
+        let (shown, view) = self.place(scan, view);
         match &mut self.kind {
             Kind::Rendered { scenes, sensor } => {
-                let scene = &scenes[turn(scan, scenes)];
+                let scene = &scenes[shown];
                 let position = scene.positions[view];
                 let room = out.pixels.grow(scene::SIZE.pixels());
                 sensor.expose(
@@ -216,10 +329,9 @@ impl Source {
                 Ok(scene::SIZE)
             }
             Kind::Folders { albums, kept } => {
-                let album = turn(scan, albums);
                 out.pixels
-                    .extend_from_slice(kept.pixels(albums, album, view, Some(scan))?);
-                Ok(albums[album].size)
+                    .extend_from_slice(kept.pixels(albums, shown, view, Some(scan))?);
+                Ok(albums[shown].size)
             }
         }
     }
@@ -233,16 +345,29 @@ impl Source {
     /// # Panics
     /// When there is no such view.
     pub fn truth(&self, scan: u64, view: usize) -> Result<Option<Truth>, SourceError> {
-        match &self.kind {
-            Kind::Rendered { scenes, .. } => Ok(Some(scenes[turn(scan, scenes)].truth(view))),
-            Kind::Folders { albums, .. } => filed_truth(&albums[turn(scan, albums)], view),
+        let (scene, view) = self.place(scan, view);
+        let mut truth = match &self.kind {
+            Kind::Rendered { scenes, .. } => Some(scenes[scene].truth(view)),
+            Kind::Folders { albums, .. } => filed_truth(&albums[scene], view)?,
+        };
+        // Of a rail it is known for a step, and wanted for a baseline.
+        if let (Some(rail), Some(truth)) = (&self.rail, &mut truth) {
+            let stride = rail.rail.stride as f32;
+            truth
+                .disparity
+                .iter_mut()
+                .for_each(|value| *value *= stride);
         }
+        Ok(truth)
     }
 }
 
 impl Source {
     /// How many different scenes there are: scan n shows scene n modulo this.
     pub fn scenes(&self) -> u64 {
+        if let Some(rail) = &self.rail {
+            return rail.order.len() as u64;
+        }
         match &self.kind {
             Kind::Rendered { scenes, .. } => scenes.len() as u64,
             Kind::Folders { albums, .. } => albums.len() as u64,
@@ -253,6 +378,10 @@ impl Source {
     pub fn knows_truth(&self, view: usize) -> bool {
         match &self.kind {
             Kind::Rendered { .. } => true,
+            Kind::Folders { albums, .. } if self.rail.is_some() => {
+                let shots = albums.iter().flat_map(|album| &album.shots);
+                shots.into_iter().any(|shot| shot.truth.is_some())
+            }
             Kind::Folders { albums, .. } => {
                 let knows =
                     |album: &Album| album.shots.get(view).is_some_and(|s| s.truth.is_some());
@@ -320,6 +449,25 @@ fn calibration(
     });
     let warnings = unknown.into_iter().chain(distorted).collect();
     Ok((known.calibration(size), warnings))
+}
+
+/// The calibration for a baseline of one unit of position along a rail, and what is missing.
+fn unit_camera(
+    settings: &Settings,
+    in_metres: bool,
+    own: Known,
+    size: Size,
+) -> Result<(Calibration, Vec<String>), SourceError> {
+    let settings = Settings {
+        baseline: if in_metres {
+            Some(1.0)
+        } else {
+            settings.baseline
+        },
+        ..settings.clone()
+    };
+    let (camera, warnings) = calibration(&settings, own, &[size])?;
+    Ok((camera.unwrap_or(Calibration::assumed(size)), warnings))
 }
 
 /// What is to be said once about folders of images.

@@ -7,8 +7,9 @@ use crate::closed_loop::Closing;
 use crate::differences::{self, Pairing};
 use crate::relation::{self, Node, Relation};
 use crate::settings::Filling;
+use crate::triple::Steps;
 use crate::vote::Ballot;
-use crate::{ChannelView, Matcher, Range, Steps};
+use crate::{ChannelView, Matcher, Range};
 
 impl Matcher {
     /// Finds the choices of all points of the reference view's matched curves.

@@ -4,7 +4,8 @@ use messages::{Reason, Size};
 
 use crate::along::{self, Choice, Smoothness, Steadiness};
 use crate::candidates::Likeness;
-use crate::{ChannelView, Matcher, Range, Steps};
+use crate::triple::Steps;
+use crate::{ChannelView, Matcher, Range};
 
 impl Matcher {
     /// Finds the choices of all points of the reference view.

@@ -7,9 +7,10 @@
 
 use messages::{NONE, Reason};
 
+use crate::Range;
 use crate::rows::{Rows, Spot, is_flat, turn};
 use crate::surroundings::Surroundings;
-use crate::{Range, Steps};
+use crate::triple::Steps;
 
 /// A pair of points in the two other views that may show the same place as a point of the reference view.
 #[derive(Clone, Copy, Debug, Default)]
@@ -142,8 +143,7 @@ impl Candidates {
                         }
                         reason = Reason::Unlike;
                         let xs = steps.in_order(spot.x, beside.x, beyond.x);
-                        let disparity = (xs[0] - xs[2]) / 2.0;
-                        let bend = xs[1] - (xs[0] + xs[2]) / 2.0;
+                        let (disparity, bend) = steps.measure(xs);
                         let miss = (beyond.x - expected).abs();
                         let cost = like.cost(spot, [beside, beyond], near_turn + far_turn, miss);
                         if cost < like.most && (range.least..=range.most).contains(&disparity) {

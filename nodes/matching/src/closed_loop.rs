@@ -7,9 +7,10 @@
 use messages::{Curve, NONE, Reason};
 
 use crate::rows::Rows;
+use crate::triple::Steps;
 use crate::vote::{Ballot, Peak, Votes};
 use crate::windows::{Window, Windows};
-use crate::{ChannelView, Range, Steps};
+use crate::{ChannelView, Range};
 
 /// When a loop is closed.
 #[derive(Clone, Debug)]

@@ -2,10 +2,11 @@
 
 use messages::{Edge, NONE};
 
+use crate::Range;
 use crate::along::Choice;
 use crate::closed_loop::Closed;
 use crate::rows::{Rows, is_flat, turn};
-use crate::{Range, Steps};
+use crate::triple::Steps;
 
 /// Which points are partners inside matched curves.
 #[derive(Clone, Debug)]
@@ -83,9 +84,10 @@ pub(crate) fn row_by_row(
             rows[steps.near].spots[near].x,
             rows[steps.far].spots[far].x,
         );
+        let (disparity, bend) = steps.measure(xs);
         *choice = Choice {
-            disparity: (xs[0] - xs[2]) / 2.0,
-            bend: xs[1] - (xs[0] + xs[2]) / 2.0,
+            disparity,
+            bend,
             spots: [near as u32, far as u32],
             ..seen
         };

@@ -17,12 +17,14 @@ mod fuse;
 mod marr_poggio;
 #[cfg(feature = "node")]
 pub mod node;
+pub mod rail;
 mod relation;
 mod report;
 mod rows;
 pub mod settings;
 mod support;
 mod surroundings;
+mod triple;
 mod vote;
 mod windows;
 
@@ -31,6 +33,7 @@ use messages::{
 };
 
 pub use settings::{Assignment, Filling, Method, Reference, Settings};
+pub use triple::Triple;
 
 use along::{Along, Choice};
 use candidates::Candidates;
@@ -39,6 +42,7 @@ use marr_poggio::Regions;
 use rows::Rows;
 use support::Support;
 use surroundings::Surroundings;
+use triple::Steps;
 
 /// What one view says in one channel.
 #[derive(Clone, Copy, Debug)]
@@ -54,53 +58,6 @@ pub struct ChannelView<'a> {
 pub(crate) struct Range {
     pub(crate) least: f32,
     pub(crate) most: f32,
-}
-
-/// The reference view and the way to the two others.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Steps {
-    pub(crate) reference: usize,
-    pub(crate) near: usize,
-    pub(crate) far: usize,
-    /// Steps to the right from the reference to the near view.
-    pub(crate) to_near: f32,
-    /// Steps to the right from the reference to the far view.
-    pub(crate) to_far: f32,
-    /// Whether the far view has a say.
-    pub(crate) third: bool,
-}
-
-impl Steps {
-    fn of(settings: &Settings) -> Self {
-        let [reference, near, far] = match settings.reference {
-            Reference::Left => [0, 1, 2],
-            Reference::Centre => [1, 0, 2],
-            Reference::Right => [2, 1, 0],
-        };
-        let to = |view: usize| view as f32 - reference as f32;
-        Self {
-            reference,
-            near,
-            far,
-            to_near: to(near),
-            to_far: to(far),
-            third: settings.method == Method::ThreeView,
-        }
-    }
-
-    /// What belongs to the reference, the near and the far view, left to right.
-    pub(crate) fn in_order<T: Copy + Default>(&self, reference: T, near: T, far: T) -> [T; 3] {
-        let mut all = [T::default(); 3];
-        all[self.reference] = reference;
-        all[self.near] = near;
-        all[self.far] = far;
-        all
-    }
-
-    /// Whether a view is looked at.
-    fn uses(&self, view: usize) -> bool {
-        self.third || view != self.far
-    }
 }
 
 /// The matcher, with its memory: it grows to the largest scan and is reused from then on.
@@ -140,10 +97,40 @@ impl Matcher {
         }
     }
 
-    /// Matches one scan: `inputs` holds the channels coarse to fine, each with its three views left to right; `matches`
-    /// has a room for each channel.
+    /// Its settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Matches one scan of a rig: `inputs` holds the channels coarse to fine, each with its three views left to right;
+    /// `matches` has a room for each channel.
     pub fn process(
         &mut self,
+        inputs: &[[ChannelView<'_>; 3]],
+        size: Size,
+        calibration: &Calibration,
+        matches: &mut [MatchesRoom<'_>],
+        disparity: &mut DisparityRoom<'_>,
+        points: &mut PointsRoom<'_>,
+    ) {
+        let triple = Triple::of_rig(self.settings.reference);
+        self.process_triple(
+            &triple,
+            inputs,
+            size,
+            calibration,
+            matches,
+            disparity,
+            points,
+        );
+    }
+
+    /// Matches three views wherever they stand; the calibration's baseline is the unit of their places, and each channel
+    /// has its views in their order.
+    #[expect(clippy::too_many_arguments, reason = "where, what, and where to")]
+    pub fn process_triple(
+        &mut self,
+        triple: &Triple,
         inputs: &[[ChannelView<'_>; 3]],
         size: Size,
         calibration: &Calibration,
@@ -159,16 +146,15 @@ impl Matcher {
                 .unwrap_or(size.width as f32 / 8.0),
         };
         for (channel, (views, room)) in inputs.iter().zip(matches.iter_mut()).enumerate() {
-            self.match_channel(views, size, range, channel, room);
+            self.match_channel(triple, views, size, range, channel, room);
         }
-        let steps = Steps::of(&self.settings);
         let fill_in = self
             .settings
             .fill_in
             .then_some(self.settings.fill_in_radius);
         self.fuse.fuse(
             matches,
-            steps.reference,
+            triple.reference,
             size,
             calibration,
             fill_in,
@@ -179,18 +165,20 @@ impl Matcher {
 
     fn match_channel(
         &mut self,
+        triple: &Triple,
         views: &[ChannelView<'_>; 3],
         size: Size,
         range: Range,
         channel: usize,
         room: &mut MatchesRoom<'_>,
     ) {
-        let steps = Steps::of(&self.settings);
+        let steps = Steps::of(triple, self.settings.method == Method::ThreeView);
         let reference = views[steps.reference].curves;
         room.clear();
         let used = self.rows.iter_mut().zip(views).enumerate();
-        for (_, (rows, view)) in used.filter(|&(view, _)| steps.uses(view)) {
-            rows.fill(view, size.width);
+        for (at, (rows, view)) in used.filter(|&(view, _)| steps.uses(view)) {
+            let to_the_right = triple.places[at] - triple.places[triple.reference];
+            rows.fill(view, size.width, triple.drift * to_the_right);
         }
         self.choices.clear();
         self.choices.resize(reference.points.len(), Choice::NOTHING);

@@ -19,7 +19,8 @@ use messages::{Reason, Size};
 use crate::along::Choice;
 use crate::candidates::{Candidate, Likeness};
 use crate::rows::is_flat;
-use crate::{ChannelView, Matcher, Range, Steps};
+use crate::triple::Steps;
+use crate::{ChannelView, Matcher, Range};
 
 /// Pixels of disparity within which candidates are one: a curve that branches repeats its points.
 const SAME: f32 = 0.5;

@@ -3,7 +3,8 @@
 use messages::{CurvesView, Match, MatchPoint, MatchesRoom, NONE, Reason, Rejected};
 
 use crate::along::Choice;
-use crate::{Assignment, Matcher, Method, Steps};
+use crate::triple::Steps;
+use crate::{Assignment, Matcher, Method};
 
 impl Matcher {
     /// Writes down the matched curves and their points, and of the others why they are not matched.

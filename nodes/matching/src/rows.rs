@@ -45,8 +45,9 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Takes in the points of a view.
-    pub(crate) fn fill(&mut self, view: &ChannelView<'_>, width: u32) {
+    /// Takes in the points of a view whose picture lies `lower` rows lower than the reference view's, so that rows are
+    /// those of the reference view.
+    pub(crate) fn fill(&mut self, view: &ChannelView<'_>, width: u32, lower: f32) {
         let points = view.curves.points;
         self.curve_of.clear();
         self.curve_of.resize(points.len(), NONE);
@@ -61,26 +62,38 @@ impl Rows {
         self.starts.push(0);
         self.cells.clear();
         self.per_row = width as usize / CELL + 1;
-        for ends in view.tables.rows.windows(2) {
+        let (whole, rest) = (lower.round(), lower - lower.round());
+        let own_rows = view.tables.rows;
+        for row in 0..own_rows.len().saturating_sub(1) as i64 {
             // Counted cell by cell, which needs no guess where one ends.
-            let row = self.cells.len();
-            self.cells.resize(row + self.per_row + 1, 0);
-            let cells = &mut self.cells[row..];
-            cells[0] = self.spots.len() as u32;
-            for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
-                if self.in_row[point as usize] {
-                    let edge = &points[point as usize];
-                    self.spots
-                        .push(Spot::new(edge, point, self.curve_of[point as usize]));
-                    cells[(edge.x as usize / CELL).min(self.per_row - 1) + 1] += 1;
+            let cells = self.cells.len();
+            self.cells.resize(cells + self.per_row + 1, 0);
+            let first = self.spots.len();
+            let own = usize::try_from(row + whole as i64).ok();
+            if let Some(ends) = own.and_then(|own| own_rows.get(own..own + 2)) {
+                for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
+                    if self.in_row[point as usize] {
+                        let edge = &points[point as usize];
+                        let spot = Spot::new(edge, point, self.curve_of[point as usize]);
+                        self.spots.push(spot.lifted(rest));
+                    }
                 }
             }
+            let spots = &mut self.spots[first..];
+            if rest != 0.0 {
+                spots.sort_by(|a, b| a.x.total_cmp(&b.x));
+            }
+            let cells = &mut self.cells[cells..];
+            cells[0] = first as u32;
+            for spot in spots {
+                cells[(spot.x as usize / CELL).min(self.per_row - 1) + 1] += 1;
+            }
             let mut start = 0;
-            for cell in cells {
+            for cell in cells.iter_mut() {
                 start += *cell;
                 *cell = start;
             }
-            self.cells.truncate(row + self.per_row);
+            self.cells.pop();
             self.starts.push(self.spots.len() as u32);
         }
     }
@@ -133,7 +146,24 @@ impl Spot {
             curve,
         }
     }
+
+    /// Where its contour crosses a row that lies so much lower, at most half a row: along the tangent, which is
+    /// perpendicular to the gradient.
+    fn lifted(self, rest: f32) -> Self {
+        if rest == 0.0 {
+            return self;
+        }
+        // A flat contour has no one place in a row.
+        let slope = self.orientation.tan().clamp(-STEEPEST, STEEPEST);
+        Self {
+            x: self.x - rest * slope,
+            ..self
+        }
+    }
 }
+
+/// Columns a row that a contour is followed to another row.
+const STEEPEST: f32 = 4.0;
 
 /// The angle between two orientations, in radians, 0 to π.
 pub(crate) fn turn(a: f32, b: f32) -> f32 {

@@ -60,8 +60,9 @@ messages::settings! {
         pub method: Method = Method::ThreeView;
         /// What is assigned where curves are matched: point (each point along a curve) or curve (the thesis).
         pub assignment: Assignment = Assignment::Point;
-        /// Least disparity between neighbouring views, in pixels.
-        pub disparity_least: f32 = 0.0, in 0..=4096;
+        /// Least disparity between neighbouring views, in pixels; what lies behind the plane that images were aligned to has
+        /// negative ones.
+        pub disparity_least: f32 = 0.0, in -4096.0..=4096.0;
         /// Greatest disparity between neighbouring views, in pixels; by default an eighth of the image's width.
         pub disparity_most: Option<f32> = None, in 0..=4096;
         /// Degrees by which gradients of partners may differ.

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
-use messages::record::{Beside, Codec};
+use messages::record::{Beside, Codec, TRANSFORMS};
 use messages::recording::{
     FileSchema, Identity, Metadata, ReadError, Recording, Scan, ScanOrder, part_path,
 };
@@ -316,7 +316,7 @@ impl Frame {
 
 /// Transforms and calibrations: without them nothing is in its place.
 fn is_kept_always(topic: &str) -> bool {
-    topic == "tf" || topic.ends_with("/calibration")
+    topic == TRANSFORMS || topic.ends_with("/calibration")
 }
 
 /// A part being written.

@@ -10,8 +10,8 @@ use messages::door::UnderWay;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Recording, Scan};
 use messages::{
-    Curves, CurvesView, Disparity, Edges, Evaluation, Header, Image, Kind, Matches, Points, Tables,
-    Topic, Truth,
+    Curves, CurvesView, Disparity, Edges, Evaluation, Growing, Header, Image, Kind, Map, Matches,
+    Points, Tables, Topic, Truth,
 };
 
 use crate::{Clock, Selection, SelectionError, Settings};
@@ -188,6 +188,8 @@ impl Replay {
                 Kind::Matches => self.publish::<Matches>(topic, under_way, scan)?,
                 Kind::Disparity => self.publish::<Disparity>(topic, under_way, scan)?,
                 Kind::Points => self.publish::<Points>(topic, under_way, scan)?,
+                Kind::Map => self.publish::<Map>(topic, under_way, scan)?,
+                Kind::Growing => self.publish::<Growing>(topic, under_way, scan)?,
                 Kind::Truth => self.publish::<Truth>(topic, under_way, scan)?,
                 Kind::Evaluation => self.publish::<Evaluation>(topic, under_way, scan)?,
             }
@@ -247,7 +249,7 @@ impl Replay {
         let header = Header {
             sequence: under_way.sequence,
             capture_nanos: nanos,
-            done_below: self.gate.door().done_below(),
+            done_below: self.gate.door().needed_from(),
             ..header
         };
         Ok((header, filled))
@@ -255,7 +257,7 @@ impl Replay {
 
     /// Sends the scans under way once more, the oldest first.
     fn resend(&mut self) -> Result<(), ReplayError> {
-        for under_way in self.gate.door().under_way().collect::<Vec<_>>() {
+        for under_way in self.gate.door().to_resend() {
             let (scan, topics) = self.read(under_way.tick)?;
             self.send(under_way, &scan, &topics)?;
             self.recording.reuse(scan);

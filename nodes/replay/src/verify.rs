@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Scan};
 use messages::{
-    AnyView, Curves, Difference, Disparity, Edges, Evaluation, Header, Image, Kind, Matches,
-    Points, Stage, Tables, Topic, Truth,
+    AnyView, Curves, Difference, Disparity, Edges, Evaluation, Growing, Header, Image, Kind, Map,
+    Matches, Points, Stage, Tables, Topic, Truth,
 };
 use serde::{Deserialize, Serialize};
 
@@ -95,6 +95,8 @@ impl Findings {
             Kind::Matches => compare::<Matches>(codec, recorded, topic, header, computed),
             Kind::Disparity => compare::<Disparity>(codec, recorded, topic, header, computed),
             Kind::Points => compare::<Points>(codec, recorded, topic, header, computed),
+            Kind::Map => compare::<Map>(codec, recorded, topic, header, computed),
+            Kind::Growing => compare::<Growing>(codec, recorded, topic, header, computed),
             Kind::Truth => compare::<Truth>(codec, recorded, topic, header, computed),
             Kind::Evaluation => compare::<Evaluation>(codec, recorded, topic, header, computed),
         };

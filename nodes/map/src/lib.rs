@@ -1,0 +1,394 @@
+//! The map: a point that a camera on a rail sees from many places becomes one point in space.
+//!
+//! ```text
+//! points of frame k ─► linked to those of the frames before ─► tracks ─► a line through each ─► map, growing
+//! ```
+//!
+//! A point at a fixed place moves along its image row in proportion to the camera: u = U − D·τ, τ being the way along the
+//! rail in baselines. Every frame that sees it adds a sighting (u, τ); the line through all of them, by least squares,
+//! gives its column U and its disparity D, and what the sightings miss it by gives their standard deviations. The base is
+//! as long as the track, which is why the map is more exact than any triple.
+//!
+//! What a frame adds is a function of a bounded number of frames before it, [`Settings::window`] and two: a track is
+//! settled, and written into the map once, when it ends or has been followed through the whole window; after that it is
+//! still followed, so that nothing is written twice, but says nothing more.
+
+#[cfg(feature = "node")]
+pub mod node;
+
+use messages::{Calibration, GrowingRoom, MapPoint, MapRoom, Point};
+
+messages::settings! {
+    /// How points of many frames become one.
+    pub struct Settings {
+        /// Frames through which a point is followed before it is settled. Twelve steps of base are six times a triple's.
+        pub window: u64 = 12, in 2..=64;
+        /// Sightings that a point of the map needs. Each is itself agreed on by three frames.
+        pub sightings: u32 = 3, in 1..=64;
+        /// Columns by which a sighting may miss what the point's own disparity predicts.
+        pub miss: f32 = 0.8, in 0.05..=8;
+        /// Pixels of disparity by which sightings of one point may differ.
+        pub differ: f32 = 1.0, in 0.05..=16;
+        /// Columns by which sightings may miss their line, root mean square, in a point of the map.
+        pub residual: f32 = 0.5, in 0.05..=8;
+        /// Least score of a sighting.
+        pub score: f32 = 0.0, in 0..=1;
+    }
+}
+
+/// Frames that a point may go unseen before its track ends.
+pub const GAP: usize = 2;
+
+impl Settings {
+    /// Frames of points before a frame on which its share of the map depends.
+    pub fn reach(&self) -> u64 {
+        self.window + GAP as u64
+    }
+}
+
+/// Where a frame was taken, and what its disparities mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Along the rail, in metres.
+    pub position_m: f64,
+    /// The camera; its baseline is the unit of disparities.
+    pub camera: Calibration,
+    /// Rows by which the picture lies lower a baseline further to the right.
+    pub drift_px: f64,
+}
+
+/// A point on its way through the frames.
+#[derive(Clone, Copy, Debug)]
+struct Track {
+    /// Frames since its first sighting; it grows no older than the window.
+    age: u64,
+    is_settled: bool,
+    /// Where its first sighting was, along the rail in baselines, and its column and row there.
+    origin: f64,
+    column: f64,
+    row: f32,
+    sightings: u32,
+    /// Sightings that the line through the others does not explain.
+    strays: u32,
+    score: f32,
+    /// Sums over the sightings of τ, τ², e, τ·e, e², where e is the column less the first one.
+    sums: [f64; 5],
+}
+
+/// A line through a track.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    /// Column at the first sighting's place.
+    column: f64,
+    disparity: f64,
+    /// Standard deviation of the disparity.
+    sigma: f64,
+    /// What sightings miss it by, root mean square.
+    residual: f64,
+}
+
+/// Columns that a sighting is never surer than.
+const LEAST_SIGMA: f64 = 0.05;
+
+impl Track {
+    fn new(point: &Point, origin: f64) -> Self {
+        Self {
+            age: 0,
+            is_settled: false,
+            origin,
+            column: point.u.into(),
+            row: point.v,
+            sightings: 1,
+            strays: 0,
+            score: point.score,
+            sums: [0.0; 5],
+        }
+    }
+
+    /// Adds a sighting at this place and column.
+    fn add(&mut self, origin: f64, column: f64, score: f32) {
+        let way = origin - self.origin;
+        let miss = column - self.column;
+        if let Some(line) = self.line().filter(|_| self.sightings >= 4) {
+            let expected = line.column - self.column - line.disparity * way;
+            let allowed = (4.0 * line.residual).max(0.5);
+            if (miss - expected).abs() > allowed {
+                self.strays += 1;
+                return;
+            }
+        }
+        let terms = [way, way * way, miss, way * miss, miss * miss];
+        for (sum, term) in self.sums.iter_mut().zip(terms) {
+            *sum += term;
+        }
+        self.sightings += 1;
+        self.score = self.score.max(score);
+    }
+
+    /// The line of least squares; `None` of sightings from one place.
+    fn line(&self) -> Option<Line> {
+        let n = f64::from(self.sightings);
+        let [way, way2, miss, way_miss, miss2] = self.sums;
+        let spread = way2 - way * way / n;
+        if self.sightings < 2 || spread < 1e-9 {
+            return None;
+        }
+        let slope = (way_miss - way * miss / n) / spread;
+        let start = (miss - slope * way) / n;
+        let rest = (miss2 - miss * miss / n - slope * slope * spread).max(0.0);
+        let residual = (rest / n).sqrt();
+        // Two of the sightings only make the line.
+        let sigma = (rest / (n - 2.0).max(1.0)).sqrt().max(LEAST_SIGMA);
+        Some(Line {
+            column: self.column + start,
+            disparity: -slope,
+            sigma: sigma / spread.sqrt(),
+            residual,
+        })
+    }
+
+    /// The point in the rail's frame, when there is enough to it.
+    fn point(&self, settings: &Settings, place: &Place) -> Option<MapPoint> {
+        let line = self.line()?;
+        let is_sure = self.sightings >= settings.sightings
+            && line.residual <= f64::from(settings.residual)
+            && self.strays * 2 <= self.sightings
+            && line.disparity > 0.0;
+        if !is_sure {
+            return None;
+        }
+        let camera = &place.camera;
+        let [x, y, z] = camera.point_m(line.column, f64::from(self.row), line.disparity);
+        Some(MapPoint {
+            x: (x + self.origin * camera.baseline_m) as f32,
+            y: y as f32,
+            z: z as f32,
+            sigma: (z * line.sigma / line.disparity) as f32,
+            disparity: line.disparity as f32,
+            score: self.score,
+            sightings: self.sightings,
+        })
+    }
+}
+
+/// The points of a frame and the tracks that they belong to.
+#[derive(Debug, Default)]
+struct Frame {
+    /// Place along the rail, in baselines.
+    origin: f64,
+    points: Vec<Point>,
+    tracks: Vec<Track>,
+    /// Whether a later frame saw the point again.
+    is_continued: Vec<bool>,
+    /// Where each row begins among the points, which are in raster order; and where the last ends.
+    rows: Vec<u32>,
+}
+
+/// What fusing has come to, to be told at the end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Told {
+    /// Points written into the map.
+    pub settled: u64,
+    /// Tracks that ended with too few sightings, or whose sightings lie on no line.
+    pub dropped: u64,
+}
+
+/// The fusion, with its memory: as many frames as a point may go unseen.
+#[derive(Debug)]
+pub struct Fusion {
+    settings: Settings,
+    /// The newest first.
+    frames: Vec<Frame>,
+    told: Told,
+}
+
+impl Fusion {
+    /// Nothing seen yet.
+    pub fn new(settings: &Settings) -> Self {
+        let frames = std::iter::repeat_with(Frame::default).take(GAP + 2);
+        Self {
+            settings: settings.clone(),
+            frames: frames.collect(),
+            told: Told::default(),
+        }
+    }
+
+    /// Forgets all frames.
+    pub fn reset(&mut self) {
+        self.frames.iter_mut().for_each(Frame::clear);
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// What it has come to.
+    pub fn told(&self) -> Told {
+        self.told
+    }
+
+    /// Takes in the points of the next frame, in raster order: what is settled with it goes into `map`, what is still
+    /// followed into `growing`.
+    ///
+    /// Points between two rows, on contours that run along the row, have no exact column and are left out.
+    pub fn process(
+        &mut self,
+        points: &[Point],
+        rows: u32,
+        place: &Place,
+        map: &mut MapRoom<'_>,
+        growing: &mut GrowingRoom<'_>,
+    ) {
+        map.clear();
+        growing.clear();
+        self.frames.rotate_right(1);
+        let (newest, before) = self.frames.split_at_mut(1);
+        let frame = &mut newest[0];
+        let origin = place.position_m / place.camera.baseline_m;
+        frame.fill(points, rows, origin, &self.settings);
+        for index in 0..frame.points.len() {
+            let point = frame.points[index];
+            let slope = frame.slope(index);
+            let mut track = None;
+            for (gap, before) in (1..).zip(before.iter_mut().take(GAP + 1)) {
+                if let Some(found) =
+                    before.find(&point, slope, origin, place.drift_px, &self.settings)
+                {
+                    before.is_continued[found] = true;
+                    let mut continued = before.tracks[found];
+                    continued.age = (continued.age + gap).min(self.settings.window + 1);
+                    if !continued.is_settled {
+                        // The same point of the contour, had the picture not drifted.
+                        let drifted = place.drift_px * (origin - continued.origin);
+                        let column = f64::from(point.u) + drifted * f64::from(slope);
+                        continued.add(origin, column, point.score);
+                    }
+                    track = Some(continued);
+                    break;
+                }
+            }
+            frame
+                .tracks
+                .push(track.unwrap_or_else(|| Track::new(&point, origin)));
+        }
+        let told = &mut self.told;
+        let mut settle = |track: &Track| match track.point(&self.settings, place) {
+            Some(point) => {
+                map.points.push(point);
+                told.settled += 1;
+            }
+            None => told.dropped += 1,
+        };
+        for track in &mut frame.tracks {
+            if !track.is_settled && track.age >= self.settings.window {
+                track.is_settled = true;
+                settle(track);
+            }
+        }
+        // What has not been seen for so long will not be linked any more.
+        let ended = &mut before[GAP];
+        for (track, is_continued) in ended.tracks.iter().zip(&ended.is_continued) {
+            if !track.is_settled && !is_continued {
+                settle(track);
+            }
+        }
+        ended.clear();
+        let followed = std::iter::once(&*frame).chain(&before[..GAP]);
+        for frame in followed {
+            let open = frame.tracks.iter().zip(&frame.is_continued);
+            let open = open.filter(|(track, is_continued)| !track.is_settled && !**is_continued);
+            for (track, _) in open {
+                growing
+                    .points
+                    .extend_from_slice(track.point(&self.settings, place).as_slice());
+            }
+        }
+    }
+}
+
+impl Frame {
+    fn clear(&mut self) {
+        self.points.clear();
+        self.tracks.clear();
+        self.is_continued.clear();
+        self.rows.clear();
+    }
+
+    fn fill(&mut self, points: &[Point], rows: u32, origin: f64, settings: &Settings) {
+        self.clear();
+        self.origin = origin;
+        let is_exact = |point: &&Point| point.v.fract() == 0.0 && point.score >= settings.score;
+        self.points.extend(points.iter().filter(is_exact));
+        self.is_continued.resize(self.points.len(), false);
+        let mut at = 0;
+        for row in 0..=rows {
+            while at < self.points.len() && self.points[at].v < row as f32 {
+                at += 1;
+            }
+            self.rows.push(at as u32);
+        }
+    }
+
+    /// The points of a row.
+    fn row(&self, row: i64) -> std::ops::Range<usize> {
+        let ends = usize::try_from(row)
+            .ok()
+            .and_then(|row| self.rows.get(row..row + 2));
+        ends.map_or(0..0, |ends| ends[0] as usize..ends[1] as usize)
+    }
+
+    /// Columns a row along a point's contour, from the points of the same curve in the rows above and below.
+    fn slope(&self, index: usize) -> f32 {
+        /// Columns that a contour may move in a row, for its points to be told from others.
+        const STEEPEST: f32 = 3.0;
+        let point = &self.points[index];
+        let beside = |row: i64| {
+            let of_row = self.points[self.row(row)].iter();
+            let own = of_row.filter(|other| {
+                (other.curve, other.channel) == (point.curve, point.channel)
+                    && (other.u - point.u).abs() <= STEEPEST
+            });
+            own.min_by(|a, b| (a.u - point.u).abs().total_cmp(&(b.u - point.u).abs()))
+        };
+        let row = point.v as i64;
+        match (beside(row - 1), beside(row + 1)) {
+            (Some(above), Some(below)) => (below.u - above.u) / 2.0,
+            (Some(above), None) => point.u - above.u,
+            (None, Some(below)) => below.u - point.u,
+            (None, None) => 0.0,
+        }
+    }
+
+    /// The point of this frame, not seen again yet, that a later frame sees as this one.
+    fn find(
+        &self,
+        point: &Point,
+        slope: f32,
+        origin: f64,
+        drift_px: f64,
+        settings: &Settings,
+    ) -> Option<usize> {
+        if self.points.is_empty() {
+            return None;
+        }
+        // Towards where it was: against the way of the camera.
+        let way = (origin - self.origin) as f32;
+        let drifted = drift_px as f32 * way;
+        let expected = point.u + point.disparity * way + drifted * slope;
+        let range = self.row(point.v as i64);
+        let row = &self.points[range.clone()];
+        let first = row.partition_point(|other| other.u < expected - settings.miss);
+        let near = row[first..]
+            .iter()
+            .take_while(|other| other.u <= expected + settings.miss);
+        let alike = (range.start + first..).zip(near).filter(|(at, other)| {
+            !self.is_continued[*at]
+                && other.channel == point.channel
+                && (other.disparity - point.disparity).abs() <= settings.differ
+        });
+        let nearest = alike
+            .min_by(|(_, a), (_, b)| (a.u - expected).abs().total_cmp(&(b.u - expected).abs()));
+        nearest.map(|(at, _)| at)
+    }
+}
