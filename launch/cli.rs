@@ -415,6 +415,9 @@ pub(crate) struct Export {
     /// The points of one scan as PLY, in metres
     #[arg(long, value_name = "FILE")]
     pub(crate) ply: Option<PathBuf>,
+    /// The map of a rail, all scans together, as PLY, in metres
+    #[arg(long, value_name = "FILE")]
+    pub(crate) map: Option<PathBuf>,
     /// Pictures of every view and channel: zero-crossings, orientation, curves, disparity
     #[arg(long, value_name = "FOLDER")]
     pub(crate) png: Option<PathBuf>,

@@ -13,6 +13,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         csv: args.csv.clone(),
         pfm: args.pfm.clone(),
         ply: args.ply.clone(),
+        map: args.map.clone(),
         png: args.png.clone(),
     };
     if (Export {
@@ -21,7 +22,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }) == wanted
     {
         return Err(Failure::usage(
-            "nothing to export: say what with --csv, --pfm, --ply or --png",
+            "nothing to export: say what with --csv, --pfm, --ply, --map or --png",
         ));
     }
     let mut recording = Recording::open(&args.file).map_err(Failure::failed)?;
@@ -37,7 +38,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         crate::say!("tricurve: the cameras are not calibrated: depths are right up to one factor");
     }
     let written = export(&mut recording, &wanted).map_err(|error| match error {
-        ExportError::WhichScan { .. } | ExportError::OntoItself(_) => Failure::usage(error),
+        ExportError::WhichScan { .. } | ExportError::OntoItself(_) | ExportError::NoMap => {
+            Failure::usage(error)
+        }
         error => Failure::failed(error),
     })?;
     for path in written.iter().filter(|path| *path != Path::new("-")) {

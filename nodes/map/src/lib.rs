@@ -37,7 +37,7 @@ messages::settings! {
 }
 
 /// Frames that a point may go unseen before its track ends.
-pub const GAP: usize = 2;
+pub const GAP: usize = 6;
 
 impl Settings {
     /// Frames of points before a frame on which its share of the map depends.

@@ -9,8 +9,10 @@ use std::path::{Path, PathBuf};
 use messages::{Disparity, Image, Kind, Owned, Points, Size, Topic};
 use thiserror::Error;
 
+use messages::record::{Colours, Span};
 use messages::recording::Part;
 
+use crate::map::whole_map;
 use crate::{ReadError, Recording};
 
 /// Why an export failed. What it was about to write is not there.
@@ -49,6 +51,11 @@ pub enum ExportError {
     /// There is no scan at all.
     #[error("the recording holds no whole scan")]
     NoScan,
+    /// There is no map.
+    #[error(
+        "the recording holds no map: that is made of one camera that moves, with --set capture.mode=rail"
+    )]
+    NoMap,
 }
 
 /// What is to be exported.
@@ -62,6 +69,8 @@ pub struct Export {
     pub pfm: Option<PathBuf>,
     /// The points of one scan in metres.
     pub ply: Option<PathBuf>,
+    /// The map of all scans, in metres, in the frame of the rail.
+    pub map: Option<PathBuf>,
     /// The pictures of every view and channel.
     pub png: Option<PathBuf>,
 }
@@ -91,7 +100,7 @@ pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<PathBuf>
             only(what, recording)?;
         }
     }
-    let files = [&wanted.csv, &wanted.pfm, &wanted.ply];
+    let files = [&wanted.csv, &wanted.pfm, &wanted.ply, &wanted.map];
     for path in files.into_iter().flatten() {
         not_onto_itself(recording, path)?;
     }
@@ -106,6 +115,10 @@ pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<PathBuf>
     }
     if let Some(path) = &wanted.ply {
         ply(recording, only("a PLY file", recording)?, path)?;
+        written.push(path.clone());
+    }
+    if let Some(path) = &wanted.map {
+        map_ply(recording, path)?;
         written.push(path.clone());
     }
     if let Some(folder) = &wanted.png {
@@ -179,8 +192,12 @@ fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<(), ExportEr
     let points = topic(recording, Kind::Points);
     let reference = recording.codec().reference();
     let images = Topic::of(&recording.metadata().rig, Kind::Image);
-    let names = [&points.name, &images[reference].name];
-    let read = recording.scan_of(scan, |name| names.iter().any(|n| *n == name))?;
+    let codec = recording.codec().clone();
+    let is_wanted = |name: &str| {
+        let mut topics = [&points, &images[reference]].into_iter();
+        topics.any(|topic| topic.name == name || codec.refers(topic, name))
+    };
+    let read = recording.scan_of(scan, is_wanted)?;
     let image: Owned<Image> = read.decode(recording.codec(), &images[reference])?;
     let points: Owned<Points> = read.decode(recording.codec(), &points)?;
 
@@ -218,6 +235,52 @@ fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<(), ExportEr
                 .flat_map(f32::to_le_bytes),
         );
         bytes.extend([gray; 3]);
+    }
+    whole(path, |file| {
+        file.write_all(&bytes).map_err(|source| ExportError::Io {
+            path: path.to_owned(),
+            source,
+        })
+    })
+}
+
+/// Writes the points of the map in metres in the frame of the rail, coloured by their disparity.
+fn map_ply(recording: &mut Recording, path: &Path) -> Result<(), ExportError> {
+    let points = whole_map(recording)?.ok_or(ExportError::NoMap)?;
+    let calibrated = recording
+        .metadata()
+        .rig
+        .calibration
+        .is_some_and(|c| c.calibrated);
+    let units = match calibrated {
+        true => "calibrated: metres",
+        false => "not calibrated: metres up to one unknown factor",
+    };
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\n\
+         comment tricurve {}, map\n\
+         comment {units}\n\
+         comment frame of the rail: x right along it, y down, z forward\n\
+         element vertex {}\n\
+         property float x\nproperty float y\nproperty float z\n\
+         property float sigma\nproperty uint sightings\nproperty float score\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\n\
+         end_header\n",
+        recording.metadata().version,
+        points.len(),
+    )
+    .into_bytes();
+    let span = Span::of(points.iter().map(|point| point.disparity));
+    let colours = Colours::default();
+    for p in &points {
+        bytes.extend(
+            [p.x, p.y, p.z, p.sigma]
+                .into_iter()
+                .flat_map(f32::to_le_bytes),
+        );
+        bytes.extend(p.sightings.to_le_bytes());
+        bytes.extend(p.score.to_le_bytes());
+        bytes.extend(colours.of(span.map_or(0.0, |span| span.share(p.disparity))));
     }
     whole(path, |file| {
         file.write_all(&bytes).map_err(|source| ExportError::Io {

@@ -16,6 +16,7 @@ mod batch;
 mod chunk;
 mod export;
 mod info;
+mod map;
 #[cfg(feature = "node")]
 pub mod node;
 mod report;

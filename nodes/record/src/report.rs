@@ -9,6 +9,7 @@
 
 mod accuracy;
 mod figures;
+mod map;
 mod page;
 mod plot;
 mod scan;
@@ -148,6 +149,12 @@ fn chosen(recording: &Recording, wanted: &Page) -> Result<Vec<u64>, ReportError>
         true => recording.scans().collect(),
         false => whole,
     };
+    if recording.metadata().rig.rail.is_some() {
+        // Every frame has a name of its own: some along the way, and not the first ones, which have no triple.
+        let parts = 1..=MOST_SCENES.min(all.len());
+        let last = all.len() - 1;
+        return Ok(parts.map(|part| all[part * last / MOST_SCENES]).collect());
+    }
     let mut chosen: Vec<u64> = Vec::new();
     for scan in all {
         let is_shown = |shown: &u64| name(recording, *shown) == name(recording, scan);
@@ -197,6 +204,8 @@ fn write(
         reported.unreadable_bytes += scan::section(&mut html, recording, scan, &title)?;
         flush(&mut html)?;
     }
+    map::section(&mut html, recording)?;
+    flush(&mut html)?;
     let (all, _) = plotted(recording);
     accuracy::section(&mut html, recording, &reported.scans, &all, rivals)?;
     flush(&mut html)?;
@@ -258,6 +267,9 @@ fn contents(out: &mut String, recording: &Recording, scans: &[u64]) -> fmt::Resu
     for &scan in scans.iter().take(12) {
         let title = title(recording, scan);
         write!(out, "<a href=\"#scan-{scan}\">{}</a>", escape(title))?;
+    }
+    if map::is_there(recording) {
+        out.push_str("<a href=\"#map\">Map</a>");
     }
     if accuracy::is_there(recording) {
         out.push_str("<a href=\"#accuracy\">Accuracy</a>");

@@ -12,7 +12,7 @@ use super::Fault;
 use super::figures::{Sheet, class};
 use super::page::{Shown, count, counted, escape, missing, picture};
 use super::plot::{Series, brief, histogram};
-use super::space::{Bounds, Eye, Stage};
+use super::space::{self, Eye};
 use crate::info::date;
 use crate::{ReadError, Recording, Scan};
 
@@ -415,7 +415,7 @@ impl<'a> Drawn<'a> {
                 return Ok(());
             }
         };
-        let (Some(bounds), Some(span)) = (Bounds::of(points), self.span) else {
+        let Some(span) = self.span else {
             missing(out, "There are no points in space")?;
             out.push_str("</div>\n");
             return Ok(());
@@ -437,26 +437,7 @@ impl<'a> Drawn<'a> {
                 Eye::above(),
             ),
         ];
-        for (from, how, eye) in eyes {
-            let stage = Stage::new(eye, bounds);
-            let strays = stage.strays(points) as u64;
-            let shown = count(points.len() as u64 - strays);
-            let alt = format!("{shown} points in space {from}, coloured by disparity");
-            write!(
-                out,
-                "<figure><label class=\"zoom\"><input type=\"checkbox\" aria-label=\"enlarge: {}\">",
-                escape(&alt)
-            )?;
-            stage.draw(out, &stage.dots(points, span)?, self.unit(), &alt)?;
-            let strays = match strays {
-                0 => String::new(),
-                _ => format!("; {} outlying points left out", count(strays)),
-            };
-            writeln!(
-                out,
-                "</label><figcaption><b>Points {from}</b>, {how}: {shown}{strays}</figcaption></figure>"
-            )?;
-        }
+        space::views(out, points, span, self.unit(), &eyes)?;
         out.push_str("</div>\n");
         let frame = format!(
             "x to the right, y down, z forward from the camera of view {}",

@@ -10,8 +10,9 @@ use messages::record::Span;
 use messages::{Point, Size};
 use png::EncodingError;
 
+use super::Fault;
 use super::figures::{Pixels, encode, shade, shades};
-use super::page::{data_uri, escape};
+use super::page::{count, data_uri, escape, missing};
 use super::plot::{decimals, ticks};
 
 /// The size of a picture of points.
@@ -72,6 +73,16 @@ impl Eye {
         }
     }
 
+    /// From where the camera is, but without perspective.
+    pub(super) fn front() -> Self {
+        Self {
+            right: [1.0, 0.0, 0.0],
+            down: [0.0, 1.0, 0.0],
+            forward: [0.0, 0.0, 1.0],
+            is_perspective: false,
+        }
+    }
+
     /// From above, as a map: depth runs up.
     pub(super) fn above() -> Self {
         Self {
@@ -81,6 +92,40 @@ impl Eye {
             is_perspective: false,
         }
     }
+}
+
+/// The points from several sides, each with its name and how it is drawn.
+pub(super) fn views(
+    out: &mut String,
+    points: &[Point],
+    span: Span,
+    unit: &str,
+    eyes: &[(&str, &str, Eye)],
+) -> Result<(), Fault> {
+    let Some(bounds) = Bounds::of(points) else {
+        return Ok(missing(out, "There are no points in space")?);
+    };
+    for (from, how, eye) in eyes {
+        let stage = Stage::new(*eye, bounds);
+        let strays = stage.strays(points) as u64;
+        let shown = count(points.len() as u64 - strays);
+        let alt = format!("{shown} points in space {from}, coloured by disparity");
+        write!(
+            out,
+            "<figure><label class=\"zoom\"><input type=\"checkbox\" aria-label=\"enlarge: {}\">",
+            escape(&alt)
+        )?;
+        stage.draw(out, &stage.dots(points, span)?, unit, &alt)?;
+        let strays = match strays {
+            0 => String::new(),
+            _ => format!("; {} outlying points left out", count(strays)),
+        };
+        writeln!(
+            out,
+            "</label><figcaption><b>Points {from}</b>, {how}: {shown}{strays}</figcaption></figure>"
+        )?;
+    }
+    Ok(())
 }
 
 /// The box that holds all points but strays.
@@ -394,7 +439,7 @@ mod tests {
 
     #[test]
     fn every_eye_looks_along_a_right_handed_frame() {
-        for eye in [Eye::above_left(), Eye::side(), Eye::above()] {
+        for eye in [Eye::above_left(), Eye::side(), Eye::above(), Eye::front()] {
             let forward = cross(eye.right, eye.down);
             for (one, other) in forward.into_iter().zip(eye.forward) {
                 assert!((one - other).abs() < 1e-12, "{eye:?}");

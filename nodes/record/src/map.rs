@@ -1,0 +1,31 @@
+//! The map of a recording: all points that a camera on a rail settled, and those that it still followed at the end.
+
+use messages::{Growing, Kind, Map, MapPoint, Owned, Topic};
+
+use crate::{ReadError, Recording};
+
+/// The points of the map, in the frame of the rail, scan by scan as they were settled; `None` when there is no map.
+///
+/// # Errors
+/// When a scan cannot be read.
+pub(crate) fn whole_map(recording: &mut Recording) -> Result<Option<Vec<MapPoint>>, ReadError> {
+    let of = |recording: &Recording, kind| {
+        let topic = Topic::of(&recording.metadata().rig, kind).pop();
+        topic.filter(|topic| recording.channels().contains_key(&*topic.name))
+    };
+    let (Some(settled), Some(growing)) = (of(recording, Kind::Map), of(recording, Kind::Growing))
+    else {
+        return Ok(None);
+    };
+    let mut points = Vec::new();
+    let scans = recording.whole_scans();
+    for &scan in &scans {
+        let read: Owned<Map> = recording.read(scan, &settled)?;
+        points.extend_from_slice(read.view().points);
+    }
+    if let Some(&last) = scans.last() {
+        let read: Owned<Growing> = recording.read(last, &growing)?;
+        points.extend_from_slice(read.view().points);
+    }
+    Ok(Some(points))
+}
