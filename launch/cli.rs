@@ -216,6 +216,7 @@ pub(crate) enum StageArg {
     Track,
     Hough,
     Match,
+    Map,
     Evaluate,
 }
 
@@ -227,6 +228,7 @@ impl From<StageArg> for Stage {
             StageArg::Track => Self::Track,
             StageArg::Hough => Self::Hough,
             StageArg::Match => Self::Match,
+            StageArg::Map => Self::Map,
             StageArg::Evaluate => Self::Evaluate,
         }
     }

@@ -8,6 +8,7 @@
 
 use std::cell::RefCell;
 use std::fs;
+use std::ops::Range;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -145,9 +146,14 @@ impl World {
 
     /// A folder with three small textured views, four pixels of disparity apart.
     pub(crate) fn small_scene(&self, name: &str) -> PathBuf {
+        self.small_rail(name, 0..3)
+    }
+
+    /// The same seen from so many places, each a step of 4 px to the right.
+    pub(crate) fn small_rail(&self, name: &str, places: Range<u32>) -> PathBuf {
         let folder = self.path(name);
         fs::create_dir_all(&folder).unwrap();
-        for view in 0..3u32 {
+        for view in places {
             let mut image = b"P5\n160 120\n255\n".to_vec();
             for y in 0..120u32 {
                 image.extend((0..160u32).map(|x| texture(x + 4 * view, y)));

@@ -9,7 +9,7 @@
 //! gives its column U and its disparity D, and what the sightings miss it by gives their standard deviations. The base is
 //! as long as the track, which is why the map is more exact than any triple.
 //!
-//! What a frame adds is a function of a bounded number of frames before it, [`Settings::window`] and two: a track is
+//! What a frame adds is a function of a bounded number of frames before it, [`Settings::reach`]: a track is
 //! settled, and written into the map once, when it ends or has been followed through the whole window; after that it is
 //! still followed, so that nothing is written twice, but says nothing more.
 
@@ -37,12 +37,15 @@ messages::settings! {
 }
 
 /// Frames that a point may go unseen before its track ends.
-pub const GAP: usize = 6;
+pub const GAP: usize = 3;
 
 impl Settings {
     /// Frames of points before a frame on which its share of the map depends.
+    ///
+    /// Where the frames before are not known, a track may seem to begin that goes on from there, in the first [`GAP`]
+    /// frames; the last that is heard of it is when it has been followed through the window and then not been seen.
     pub fn reach(&self) -> u64 {
-        self.window + GAP as u64
+        self.window + 2 * (GAP as u64 + 1)
     }
 }
 

@@ -1,0 +1,199 @@
+//! One camera that moves along a rail: every frame is worked on once, and whoever is killed, the results are the same.
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+mod harness;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use harness::{Ran, World, bytes_of, signal, wait_until};
+use serde_json::Value;
+
+const RAIL: [&str; 2] = ["--set", "capture.mode=rail"];
+const START: [&str; 2] = ["--set", "capture.start=1700000000000000000"];
+
+/// Starts a run along a rail into this recording.
+fn arguments<'a>(source: &'a str, file: &'a str) -> Vec<&'a str> {
+    let run = ["run", "--source", source, "--record", file, "--json"];
+    run.into_iter().chain(RAIL).chain(START).collect()
+}
+
+/// Every message of the data topics, by topic and scan.
+fn messages(path: &Path) -> BTreeMap<(String, u32), Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let parts = (0..100).map(|part| match part {
+        0 => path.to_owned(),
+        part => {
+            let name = path.file_stem().unwrap().to_string_lossy();
+            path.with_file_name(format!("{name}.{part}.mcap"))
+        }
+    });
+    for part in parts.take_while(|part| part.exists()) {
+        let file = std::fs::read(part).unwrap();
+        let cut_or_not = mcap::read::Options::IgnoreEndMagic.into();
+        for message in mcap::MessageStream::new_with_options(&file, cut_or_not).unwrap() {
+            // Of a part whose writer was killed, what stands after the cut is in the next one.
+            let Ok(message) = message else { break };
+            let topic = message.channel.topic.clone();
+            if !["statistics", "ledger", "health", "log"].contains(&topic.as_str()) {
+                all.insert((topic, message.sequence), message.data.into_owned());
+            }
+        }
+    }
+    all
+}
+
+fn published(summary: &Value, topic: &str) -> u64 {
+    let nodes = summary["ledger"]["nodes"].as_object().unwrap();
+    let counts = nodes
+        .values()
+        .filter_map(|node| node[topic]["published"].as_u64());
+    counts.sum()
+}
+
+#[test]
+fn every_frame_is_filtered_tracked_and_tabulated_once_and_serves_in_three_triples() {
+    let world = World::new();
+    let rail = world.small_rail("rail", 0..12);
+    let source = rail.to_string_lossy().into_owned();
+    let summary = world.run(&arguments(&source, "x.mcap")).done().json();
+    for topic in [
+        "camera/moving/image",
+        "edges/moving/2",
+        "curves/moving/2",
+        "tables/moving/2",
+    ] {
+        assert_eq!(published(&summary, topic), 12, "{topic}: {summary}");
+    }
+    for topic in ["matches/2", "points", "map", "map/growing"] {
+        assert_eq!(published(&summary, topic), 12, "{topic}: {summary}");
+    }
+    assert_eq!(summary["balanced"], true, "{summary}");
+}
+
+#[test]
+fn whoever_is_killed_the_results_are_the_same_to_the_byte() {
+    let world = World::new();
+    let rail = world.small_rail("rail", 0..300);
+    let source = rail.to_string_lossy().into_owned();
+    world.run(&arguments(&source, "whole.mcap")).done();
+    let expected = messages(&world.path("whole.mcap"));
+    for node in ["capture", "filter", "hough", "match", "map", "record"] {
+        let file = format!("{node}.mcap");
+        let child = world.start(&arguments(&source, &file));
+        // Well along the rail, so that what is lost depends on frames that are done.
+        wait_until("frames are recorded", || {
+            bytes_of(&world.path(&file)) > bytes_of(&world.path("whole.mcap")) / 3
+        });
+        let nodes = world.nodes();
+        let (_, pid) = nodes.iter().find(|(name, _)| name == node).unwrap();
+        signal(*pid, "KILL");
+        let ran = Ran::new(child.wait_with_output().unwrap()).done();
+        let summary = ran.json();
+        assert_eq!(summary["balanced"], true, "{node}: {ran:?}");
+        let restarts = |n: &Value| n["node"] == node && n["restarts"].as_u64() >= Some(1);
+        let nodes = summary["nodes"].as_array().unwrap();
+        assert!(
+            nodes.iter().any(restarts),
+            "{node} was killed too late: {ran:?}"
+        );
+        let found = messages(&world.path(&file));
+        assert!(found.keys().eq(expected.keys()), "{node}");
+        for (key, bytes) in &expected {
+            assert!(*bytes == found[key], "{node}: {key:?} differs");
+        }
+    }
+}
+
+#[test]
+fn a_recording_of_a_rail_is_replayed_to_the_byte_from_every_stage() {
+    let world = World::new();
+    let rail = world.small_rail("rail", 0..32);
+    let source = rail.to_string_lossy().into_owned();
+    world.run(&arguments(&source, "x.mcap")).done();
+    for stage in ["capture", "filter", "track", "hough", "match", "map"] {
+        let verified = ["replay", "x.mcap", "--from", stage, "--verify", "--json"];
+        let report = world.run(&verified).done().json();
+        assert_eq!(report["verified"]["equal"], true, "{stage}: {report}");
+        assert_eq!(
+            report["verified"]["topics"]["map"]["equal"], 32,
+            "{stage}: {report}"
+        );
+    }
+}
+
+#[test]
+fn the_map_of_a_rendered_scene_is_right() {
+    let world = World::new();
+    let mut run = arguments("scene:jack", "x.mcap");
+    run.extend(["--scans", "30"]);
+    let summary = world.run(&run).done().json();
+    // Points of single triples, against the exact truth of their own frame.
+    let nodes = summary["nodes"].as_array().unwrap();
+    let evaluate = nodes
+        .iter()
+        .find(|node| node["node"] == "evaluate")
+        .unwrap();
+    assert!(
+        evaluate["counts"]["compared"].as_u64() > Some(100_000),
+        "{evaluate}"
+    );
+    world.run(&["export", "x.mcap", "--map", "map.ply"]).done();
+    let ply = std::fs::read(world.path("map.ply")).unwrap();
+    let head = String::from_utf8_lossy(&ply[..600]).into_owned();
+    let count = head
+        .lines()
+        .find_map(|line| line.strip_prefix("element vertex "));
+    let count: usize = count.unwrap().parse().unwrap();
+    assert!(count > 10_000, "{count} points");
+    // The camera passes the same places again and again: what is seen again is no new point.
+    let of_one_frame = summary_points(&nodes[..]);
+    assert!(
+        (count as f64) < 4.0 * of_one_frame,
+        "{count} points in the map, {of_one_frame} in a frame"
+    );
+}
+
+/// Points a frame, on average.
+fn summary_points(nodes: &[Value]) -> f64 {
+    let of_match = nodes.iter().find(|node| node["node"] == "match").unwrap();
+    of_match["counts"]["points"].as_f64().unwrap() / 30.0
+}
+
+#[test]
+fn positions_come_from_a_file_and_what_is_wrong_with_it_is_said() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy().into_owned();
+    let with = |text: &str| {
+        std::fs::write(world.path("encoder.csv"), text).unwrap();
+        let mut run = arguments(&source, "x.mcap");
+        run.extend(["--force", "--set", "capture.positions=encoder.csv"]);
+        world.run(&run)
+    };
+    let ran = with("position_mm\n0\n10\n20\n").done();
+    assert_eq!(ran.json()["balanced"], true, "{ran:?}");
+    let info = world.run(&["info", "x.mcap", "--json"]).done().json();
+    assert_eq!(info["rig"]["calibration"]["baseline_m"], 0.01, "{info}");
+    for (text, said) in [
+        (
+            "position_mm\n0\n10\n",
+            "it says where 2 frames were taken, and there are 3",
+        ),
+        ("position\n0\n1\n2\n", "must name a column with its unit"),
+        ("position_m\n1\n1\n1\n", "the camera does not move"),
+    ] {
+        let ran = with(text);
+        assert_ne!(ran.code, Some(0), "{ran:?}");
+        assert!(ran.err.contains(said), "{ran:?}");
+        assert_eq!(ran.err.lines().count(), 1, "{ran:?}");
+    }
+}
+
+#[test]
+fn a_rail_passes_one_scene() {
+    let world = World::new();
+    let ran = world.run(&arguments("scene:all", "x.mcap"));
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(ran.err.contains("choose one of them"), "{ran:?}");
+}
