@@ -10,6 +10,7 @@
 //! counts, the calibration. From then on [`Source::read`] gives any view of any scan, in any order and as often as
 //! wanted, always the same bytes: what was lost with a node that died is simply read again.
 
+mod calibration;
 mod camera_info;
 mod description;
 mod error;
@@ -18,13 +19,16 @@ mod image_file;
 mod middlebury;
 #[cfg(feature = "node")]
 pub mod node;
+mod rectify;
 mod scene;
 mod sensor;
 mod settings;
 mod source;
 mod truth;
 
+pub use calibration::{Camera, Lens};
 pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
+pub use rectify::Map;
 pub use settings::Settings;
 pub use source::{Place, Source};
 pub use truth::Truth;

@@ -11,6 +11,7 @@ use crate::camera_info::{self, Known};
 use crate::error::SourceError;
 use crate::folder::{self, Album, Choice, Why};
 use crate::image_file;
+use crate::rectify::Rectifier;
 use crate::scene::{self, Object, Rendered};
 use crate::sensor::Sensor;
 use crate::settings::Settings;
@@ -24,6 +25,8 @@ pub struct Source {
     kind: Kind,
     scans: u64,
     calibration: Option<Calibration>,
+    /// Makes parallel views of images as cameras took them.
+    rectifier: Option<Rectifier>,
     notices: Vec<String>,
     warnings: Vec<String>,
 }
@@ -71,6 +74,7 @@ impl Source {
                 nearest,
             });
         }
+        Rectifier::refuse(settings)?;
         // A rail of five positions has no triple of its own: its first three are meant.
         let choice = Choice::among(&settings.views, scene::POSITIONS, None);
         let positions: Vec<f64> = (0..scene::POSITIONS)
@@ -89,6 +93,7 @@ impl Source {
             },
             scans: settings.scans.unwrap_or(RENDERED_SCANS),
             calibration,
+            rectifier: None,
             notices: Vec::new(),
             warnings,
         })
@@ -98,7 +103,13 @@ impl Source {
         folder::check(path, settings::nearest(&settings.source, known_scenes()))?;
         let albums = folder::open(path, &settings.views)?;
         let sizes: Vec<Size> = albums.iter().map(|album| album.size).collect();
-        let (calibration, warnings) = calibration(settings, Known::default(), &sizes)?;
+        let rectifier = Rectifier::open(settings, albums[0].shots.len(), &sizes)?;
+        let own = rectifier.as_ref().map(Rectifier::known);
+        let (calibration, mut warnings) = calibration(settings, own.unwrap_or_default(), &sizes)?;
+        let mut notices = notices(&albums);
+        if let Some(rectifier) = &rectifier {
+            rectifier.remark(&mut notices, &mut warnings);
+        }
         let mut kept = Kept::default();
         for view in 0..albums[0].shots.len() {
             kept.pixels(&albums, 0, view, None)?;
@@ -106,7 +117,8 @@ impl Source {
         Ok(Self {
             scans: settings.scans.unwrap_or(albums.len() as u64),
             calibration,
-            notices: notices(&albums),
+            rectifier: rectifier.filter(|_| settings.rectify),
+            notices,
             warnings,
             kind: Kind::Folders { albums, kept },
         })
@@ -217,8 +229,13 @@ impl Source {
             }
             Kind::Folders { albums, kept } => {
                 let album = turn(scan, albums);
-                out.pixels
-                    .extend_from_slice(kept.pixels(albums, album, view, Some(scan))?);
+                let pixels = kept.pixels(albums, album, view, Some(scan))?;
+                match &self.rectifier {
+                    Some(rectifier) => {
+                        rectifier.process(view, pixels, out.pixels.grow(pixels.len()));
+                    }
+                    None => out.pixels.extend_from_slice(pixels),
+                }
                 Ok(albums[album].size)
             }
         }
@@ -235,6 +252,8 @@ impl Source {
     pub fn truth(&self, scan: u64, view: usize) -> Result<Option<Truth>, SourceError> {
         match &self.kind {
             Kind::Rendered { scenes, .. } => Ok(Some(scenes[turn(scan, scenes)].truth(view))),
+            // What is filed is of the images as they were taken.
+            Kind::Folders { .. } if self.rectifier.is_some() => Ok(None),
             Kind::Folders { albums, .. } => filed_truth(&albums[turn(scan, albums)], view),
         }
     }
@@ -253,6 +272,7 @@ impl Source {
     pub fn knows_truth(&self, view: usize) -> bool {
         match &self.kind {
             Kind::Rendered { .. } => true,
+            Kind::Folders { .. } if self.rectifier.is_some() => false,
             Kind::Folders { albums, .. } => {
                 let knows =
                     |album: &Album| album.shots.get(view).is_some_and(|s| s.truth.is_some());
@@ -309,7 +329,7 @@ fn calibration(
             "the baseline is unknown, {baseline} m are assumed; set baseline"
         )),
         (None, None) => Some(format!(
-            "no calibration, {focal} px and {baseline} m are assumed; set focal and baseline, or camera_info"
+            "no calibration, {focal} px and {baseline} m are assumed; set focal and baseline, camera_info or calibration"
         )),
     };
     let unknown = warning.map(|why| format!("depths are in arbitrary units: {why}"));
