@@ -25,8 +25,10 @@ pub struct Map {
     size: Size,
     /// Index of the upper left of the four pixels around its place.
     corners: Vec<u32>,
-    /// How far beyond it the place is to the right and down, in 256ths of a pixel.
-    parts: Vec<[u8; 2]>,
+    /// How far beyond it the place is to the right, in 256ths of a pixel.
+    right: Vec<u8>,
+    /// And how far down.
+    down: Vec<u8>,
     outside: usize,
 }
 
@@ -45,14 +47,15 @@ impl Map {
         assert!(width > 1 && height > 1, "two pixels a side, not {size}");
         let last = [width, height].map(|side| (side - 1) as f64);
         let mut corners = vec![0; size.pixels()];
-        let mut parts = vec![[0; 2]; size.pixels()];
+        let (mut right, mut down) = (vec![0; size.pixels()], vec![0; size.pixels()]);
         let mut outside = 0;
         // A pixel of every row that the camera sees, the one nearest to the row's middle.
         let mut seen_in = vec![None; height];
         let mut is_seen = vec![false; width];
         for (y, seen) in seen_in.iter_mut().enumerate() {
             let row = y * width..(y + 1) * width;
-            let (corners, parts) = (&mut corners[row.clone()], &mut parts[row]);
+            let corners = &mut corners[row.clone()];
+            let (right, down) = (&mut right[row.clone()], &mut down[row]);
             for x in 0..width {
                 let found = place(x as f64, y as f64);
                 let inside =
@@ -65,29 +68,33 @@ impl Map {
                         (at[k] * f64::from(ONE)).round().clamp(0.0, most) as u32
                     });
                     corners[x] = (row >> BITS) * size.width + (column >> BITS);
-                    parts[x] = [(column % ONE) as u8, (row % ONE) as u8];
+                    (right[x], down[x]) = ((column % ONE) as u8, (row % ONE) as u8);
                 }
             }
             outside += is_seen.iter().filter(|seen| !**seen).count();
             let near = |x: usize| nearest(&is_seen, x);
-            *seen = near(width / 2).map(|x| (corners[x], parts[x]));
+            *seen = near(width / 2).map(|x| (corners[x], right[x], down[x]));
             for x in 0..width {
                 if let Some(other) = near(x) {
-                    (corners[x], parts[x]) = (corners[other], parts[other]);
+                    corners[x] = corners[other];
+                    (right[x], down[x]) = (right[other], down[other]);
                 }
             }
         }
         let has_seen: Vec<bool> = seen_in.iter().map(Option::is_some).collect();
         for y in (0..height).filter(|&y| !has_seen[y]) {
             let near = nearest(&has_seen, y).and_then(|near| seen_in[near]);
-            let (corner, part) = near.unwrap_or_default();
-            corners[y * width..(y + 1) * width].fill(corner);
-            parts[y * width..(y + 1) * width].fill(part);
+            let (corner, to_right, to_down) = near.unwrap_or_default();
+            let row = y * width..(y + 1) * width;
+            corners[row.clone()].fill(corner);
+            right[row.clone()].fill(to_right);
+            down[row].fill(to_down);
         }
         Self {
             size,
             corners,
-            parts,
+            right,
+            down,
             outside,
         }
     }
@@ -109,40 +116,41 @@ impl Map {
             "images of {} pixels",
             self.size
         );
-        let below = self.size.width as usize;
-        let (out_blocks, out_rest) = out.as_chunks_mut::<LANES>();
-        let (corner_blocks, corner_rest) = self.corners.as_chunks::<LANES>();
-        let (part_blocks, part_rest) = self.parts.as_chunks::<LANES>();
-        for ((out, corners), parts) in out_blocks.iter_mut().zip(corner_blocks).zip(part_blocks) {
-            let mut around = [[0; LANES]; 4];
+        // Pairs of neighbours above and below; one length lets one check do for all four.
+        let pairs = count - self.size.width as usize;
+        let (above, below) = (&source[..pairs], &source[count - pairs..]);
+        let pair = |row: &[u8], corner: u32| {
+            let corner = (corner as usize).min(pairs - 2);
+            u16::from_le_bytes([row[corner], row[corner + 1]])
+        };
+        let (outs, out_rest) = out.as_chunks_mut::<LANES>();
+        let (corners, corner_rest) = self.corners.as_chunks::<LANES>();
+        let (rights, right_rest) = self.right.as_chunks::<LANES>();
+        let (downs, down_rest) = self.down.as_chunks::<LANES>();
+        for (((out, corners), right), down) in outs.iter_mut().zip(corners).zip(rights).zip(downs) {
+            let (mut uppers, mut lowers) = ([0; LANES], [0; LANES]);
             for lane in 0..LANES {
-                let window = &source[corners[lane] as usize..][..below + 2];
-                around[0][lane] = window[0];
-                around[1][lane] = window[1];
-                around[2][lane] = window[below];
-                around[3][lane] = window[below + 1];
+                uppers[lane] = pair(above, corners[lane]);
+                lowers[lane] = pair(below, corners[lane]);
             }
             for lane in 0..LANES {
-                out[lane] = between(around.map(|corner| corner[lane]), parts[lane]);
+                out[lane] = between(uppers[lane], lowers[lane], right[lane], down[lane]);
             }
         }
-        for ((out, &corner), &parts) in out_rest.iter_mut().zip(corner_rest).zip(part_rest) {
-            let window = &source[corner as usize..][..below + 2];
-            *out = between(
-                [window[0], window[1], window[below], window[below + 1]],
-                parts,
-            );
+        let rest = corner_rest.iter().zip(right_rest).zip(down_rest);
+        for (out, ((&corner, &right), &down)) in out_rest.iter_mut().zip(rest) {
+            *out = between(pair(above, corner), pair(below, corner), right, down);
         }
     }
 }
 
-/// The value between four pixels (upper left, upper right, lower left, lower right), rounded.
+/// The value between two pairs of pixels, the left ones in the low bytes, rounded.
 #[inline(always)]
-fn between([a, b, c, d]: [u8; 4], [right, down]: [u8; 2]) -> u8 {
-    let mix =
-        |a: u8, b: u8| u32::from(a) * (ONE - u32::from(right)) + u32::from(b) * u32::from(right);
-    let (upper, lower) = (mix(a, b), mix(c, d));
-    let sum = upper * (ONE - u32::from(down)) + lower * u32::from(down);
+fn between(upper: u16, lower: u16, right: u8, down: u8) -> u8 {
+    let (right, down) = (u16::from(right), u32::from(down));
+    // At most 255 times 256.
+    let mix = |pair: u16| u32::from((pair & 255) * (ONE as u16 - right) + (pair >> 8) * right);
+    let sum = mix(upper) * (ONE - down) + mix(lower) * down;
     ((sum + (1 << (2 * BITS - 1))) >> (2 * BITS)) as u8
 }
 
