@@ -10,6 +10,7 @@
 //! counts, the calibration. From then on [`Source::read`] gives any view of any scan, in any order and as often as
 //! wanted, always the same bytes: what was lost with a node that died is simply read again.
 
+pub mod alignment;
 mod calibration;
 mod camera_info;
 mod description;
