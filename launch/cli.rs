@@ -45,6 +45,8 @@ pub(crate) enum Command {
     Evaluate(Evaluate),
     /// Sweep settings over scenes: which of them cover most at which error
     Tune(Tune),
+    /// Measure from the images alone whether rows are aligned and steps equal: will matching work?
+    CheckGeometry(CheckGeometry),
     /// Write a recording as one HTML page: figures, points in space, how the run went
     Report(Report),
     /// Show how the graphs that run are doing, as they go: rates, load, queues, latencies, losses
@@ -133,6 +135,25 @@ pub(crate) struct Run {
     /// Show it in Foxglove while it runs, as `tricurve view` does
     #[arg(long)]
     pub(crate) view: bool,
+    /// Which settings to start from
+    #[arg(long, value_enum, default_value = "default")]
+    pub(crate) profile: Profile,
+    /// Set one key of one node
+    #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CheckGeometry {
+    /// scene:tab, scene:jack, scene:screwdriver, scene:all, a folder of images, or a folder of such folders
+    #[arg(value_name = "SOURCE")]
+    pub(crate) source: String,
+    /// Which of the source's views, left to right, at least three
+    #[arg(long, value_delimiter = ',', value_name = "1,3,5")]
+    pub(crate) views: Option<Vec<u32>>,
     /// Which settings to start from
     #[arg(long, value_enum, default_value = "default")]
     pub(crate) profile: Profile,

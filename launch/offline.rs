@@ -7,8 +7,8 @@ use matching::{ChannelView, Matcher};
 use messages::recording::{ReadError, Recording};
 use messages::settings::Settings;
 use messages::{
-    Calibration, Curves, Disparity, Edges, Evaluation, Image, Kind, Matches, Message, NONE, Owned,
-    Point, Points, Score, Share, Size, Tables, Topic, Truth,
+    Calibration, Curves, Disparity, Edge, Edges, Evaluation, Image, Kind, Matches, Message, NONE,
+    Owned, Point, Points, Score, Share, Size, Tables, Topic, Truth,
 };
 
 use crate::Failure;
@@ -23,6 +23,24 @@ pub(crate) fn settings<S: Settings>(graph: &Graph, node: &str) -> Result<S, Fail
         serde_json::from_value(graph.settings_of(node).clone()).map_err(Failure::usage)?;
     settings.check().map_err(Failure::usage)?;
     Ok(settings)
+}
+
+/// The points on the curves of an image's finest channel, and their gradients.
+pub(crate) fn curve_points(graph: &Graph, image: &Owned<Image>) -> Result<Vec<Edge>, Failure> {
+    let size = image.header.size();
+    let mut filter = filter::Filter::new(&settings(graph, "filter")?, size);
+    let mut tracker = track::Tracker::new(&settings(graph, "track")?, size);
+    let mut edges = Owned::<Edges>::new(size);
+    filter.begin(image.view(), size);
+    // Channels go from coarse to fine.
+    let finest = graph.channels()?.len().saturating_sub(1);
+    edges.fill(|room| {
+        room.clear();
+        filter.edges(finest, room);
+    });
+    let mut curves = Owned::<Curves>::new(size);
+    curves.fill(|room| tracker.process(edges.view(), size, room));
+    Ok(curves.view().points.to_vec())
 }
 
 /// A scan of one triple as far as its R-tables.

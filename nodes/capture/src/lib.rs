@@ -10,6 +10,8 @@
 //! counts, the calibration. From then on [`Source::read`] gives any view of any scan, in any order and as often as
 //! wanted, always the same bytes: what was lost with a node that died is simply read again.
 
+pub mod alignment;
+mod calibration;
 mod camera_info;
 mod description;
 mod error;
@@ -21,13 +23,16 @@ mod motion;
 pub mod node;
 mod positions;
 mod rail;
+mod rectify;
 mod scene;
 mod sensor;
 mod settings;
 mod source;
 mod truth;
 
+pub use calibration::{Camera, Lens};
 pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
+pub use rectify::Map;
 pub use settings::{Mode, Settings};
 pub use source::{Place, Source};
 pub use truth::Truth;

@@ -59,6 +59,11 @@ messages::settings! {
         /// Path of a ROS `camera_info` YAML of the rectified images; that of the camera next to the first, the central
         /// one, also holds the baseline. The right one's would be of two steps.
         pub camera_info: Option<String> = None;
+        /// Path of the calibration of the cameras that took the images: a Kalibr camchain, an OpenCV FileStorage YAML, or ROS
+        /// `camera_info` YAMLs, one a chosen view from left to right, separated by commas. Views are then rectified.
+        pub calibration: Option<String> = None;
+        /// Whether views are rectified where `calibration` is set; false shows them as they were taken.
+        pub rectify: bool = true;
         /// The chosen view whose true disparities are published, counted from 0, where the source knows them; set to the
         /// reference view where results are evaluated.
         pub truth: Option<usize> = None, in 0..=1000000;

@@ -12,6 +12,7 @@ use crate::error::SourceError;
 use crate::folder::{self, Album, Choice, Why};
 use crate::image_file;
 use crate::rail::{Passed, Rail};
+use crate::rectify::Rectifier;
 use crate::scene::{self, Object, Rendered};
 use crate::sensor::Sensor;
 use crate::settings::{Mode, Settings};
@@ -27,6 +28,8 @@ pub struct Source {
     rail: Option<Rail>,
     scans: u64,
     calibration: Option<Calibration>,
+    /// Makes parallel views of images as cameras took them.
+    rectifier: Option<Rectifier>,
     notices: Vec<String>,
     warnings: Vec<String>,
 }
@@ -74,6 +77,10 @@ impl Source {
                 nearest,
             });
         }
+        Rectifier::refuse(
+            settings,
+            "rendered scenes are rectified already; leave calibration away",
+        )?;
         if settings.mode == Mode::Rail {
             return Self::rendered_rail(&objects, settings);
         }
@@ -96,6 +103,7 @@ impl Source {
             rail: None,
             scans: settings.scans.unwrap_or(RENDERED_SCANS),
             calibration,
+            rectifier: None,
             notices: Vec::new(),
             warnings,
         })
@@ -132,6 +140,7 @@ impl Source {
             },
             scans: settings.scans.unwrap_or(RENDERED_SCANS),
             calibration: Some(rail.calibration),
+            rectifier: None,
             notices: rail.notices.clone(),
             warnings: rail.warnings.clone(),
             rail: Some(rail),
@@ -145,7 +154,13 @@ impl Source {
             return Self::folder_rail(albums, settings);
         }
         let sizes: Vec<Size> = albums.iter().map(|album| album.size).collect();
-        let (calibration, warnings) = calibration(settings, Known::default(), &sizes)?;
+        let rectifier = Rectifier::open(settings, albums[0].shots.len(), &sizes)?;
+        let own = rectifier.as_ref().map(Rectifier::known);
+        let (calibration, mut warnings) = calibration(settings, own.unwrap_or_default(), &sizes)?;
+        let mut notices = notices(&albums);
+        if let Some(rectifier) = &rectifier {
+            rectifier.remark(&mut notices, &mut warnings);
+        }
         let mut kept = Kept::default();
         for view in 0..albums[0].shots.len() {
             kept.pixels(&albums, 0, view, None)?;
@@ -154,7 +169,8 @@ impl Source {
             rail: None,
             scans: settings.scans.unwrap_or(albums.len() as u64),
             calibration,
-            notices: notices(&albums),
+            rectifier: rectifier.filter(|_| settings.rectify),
+            notices,
             warnings,
             kind: Kind::Folders { albums, kept },
         })
@@ -162,6 +178,10 @@ impl Source {
 
     /// The images of a folder as the frames of one camera.
     fn folder_rail(albums: Vec<Album>, settings: &Settings) -> Result<Self, SourceError> {
+        Rectifier::refuse(
+            settings,
+            "frames of a rail are not rectified; give rectified ones, and their camera_info",
+        )?;
         let [album] = &albums[..] else {
             return Err(SourceError::OneScene {
                 scene: settings.source.clone(),
@@ -182,6 +202,7 @@ impl Source {
         Ok(Self {
             scans: settings.scans.unwrap_or(rail.order.len() as u64),
             calibration: Some(rail.calibration),
+            rectifier: None,
             notices: said.chain(rail.notices.iter().cloned()).collect(),
             warnings: rail.warnings.clone(),
             rail: Some(rail),
@@ -329,8 +350,13 @@ impl Source {
                 Ok(scene::SIZE)
             }
             Kind::Folders { albums, kept } => {
-                out.pixels
-                    .extend_from_slice(kept.pixels(albums, shown, view, Some(scan))?);
+                let pixels = kept.pixels(albums, shown, view, Some(scan))?;
+                match &self.rectifier {
+                    Some(rectifier) => {
+                        rectifier.process(view, pixels, out.pixels.grow(pixels.len()));
+                    }
+                    None => out.pixels.extend_from_slice(pixels),
+                }
                 Ok(albums[shown].size)
             }
         }
@@ -348,6 +374,8 @@ impl Source {
         let (scene, view) = self.place(scan, view);
         let mut truth = match &self.kind {
             Kind::Rendered { scenes, .. } => Some(scenes[scene].truth(view)),
+            // What is filed is of the images as they were taken.
+            Kind::Folders { .. } if self.rectifier.is_some() => None,
             Kind::Folders { albums, .. } => filed_truth(&albums[scene], view)?,
         };
         // Of a rail it is known for a step, and wanted for a baseline.
@@ -378,6 +406,7 @@ impl Source {
     pub fn knows_truth(&self, view: usize) -> bool {
         match &self.kind {
             Kind::Rendered { .. } => true,
+            Kind::Folders { .. } if self.rectifier.is_some() => false,
             Kind::Folders { albums, .. } if self.rail.is_some() => {
                 let shots = albums.iter().flat_map(|album| &album.shots);
                 shots.into_iter().any(|shot| shot.truth.is_some())
@@ -438,7 +467,7 @@ fn calibration(
             "the baseline is unknown, {baseline} m are assumed; set baseline"
         )),
         (None, None) => Some(format!(
-            "no calibration, {focal} px and {baseline} m are assumed; set focal and baseline, or camera_info"
+            "no calibration, {focal} px and {baseline} m are assumed; set focal and baseline, camera_info or calibration"
         )),
     };
     let unknown = warning.map(|why| format!("depths are in arbitrary units: {why}"));

@@ -1,6 +1,8 @@
 //! Reading a view that has been read before allocates nothing.
 #![expect(clippy::unwrap_used, reason = "tests")]
 
+mod rig;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -82,4 +84,28 @@ fn an_image_is_decoded_once() {
         "read when the source was opened"
     );
     assert_eq!(allocations(&mut source, &mut image, 3), 0);
+}
+
+#[test]
+fn a_rectified_view_is_made_in_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene");
+    std::fs::create_dir(&scene).unwrap();
+    for view in 0..3 {
+        GrayImage::from_pixel(rig::SIZE.width, rig::SIZE.height, Luma([view]))
+            .save(scene.join(format!("{view}.png")))
+            .unwrap();
+    }
+    let chain = folder.path().join("camchain.yaml");
+    let cameras = rig::rig([rig::RADTAN, rig::FISHEYE, rig::RADTAN]);
+    std::fs::write(&chain, rig::kalibr(&cameras)).unwrap();
+    let mut source = Source::open(&Settings {
+        source: scene.to_str().unwrap().to_owned(),
+        calibration: Some(chain.to_str().unwrap().to_owned()),
+        ..Settings::default()
+    })
+    .unwrap();
+    let mut image = Owned::new(source.size());
+    assert_eq!(allocations(&mut source, &mut image, 0), 0);
+    assert_eq!(image.view().pixels, [2; rig::SIZE.pixels()]);
 }

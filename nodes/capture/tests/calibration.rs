@@ -154,8 +154,8 @@ fn without_a_calibration_there_is_none_and_a_warning() {
     assert_eq!(
         source.warnings(),
         [
-            "depths are in arbitrary units: no calibration, 64 px and 0.1 m are assumed; set focal and baseline, or \
-          camera_info"
+            "depths are in arbitrary units: no calibration, 64 px and 0.1 m are assumed; set focal and baseline, \
+          camera_info or calibration"
         ]
     );
 }

@@ -1,0 +1,545 @@
+//! How well neighbouring views are aligned, measured from the images alone.
+//!
+//! ```text
+//! points of curves in a view ─► each followed into a neighbour, in rows and columns ─► vertical misalignment, steps
+//! ```
+//!
+//! Matching takes for granted that a point lies in the same row of every view; what is here does not. A point is sought
+//! with its surroundings, coarse to fine, by normalized cross-correlation over columns *and* rows, and then placed
+//! between pixels by least squares (Lucas and Kanade), with columns that may shear and gray levels that may differ by
+//! gain and offset. It counts only where its surroundings fix both directions.
+
+use messages::Size;
+
+/// Each level of a pyramid halves the one below.
+const LEVELS: usize = 3;
+/// Pixels from the middle to the edge of what is compared, on any level.
+const REACH: i32 = 5;
+/// Rows searched up and down on the coarsest level: 32 pixels of the image.
+const ROWS: i32 = 8;
+/// The least correlation of surroundings that are taken for the same, on the way down.
+const LIKE: f64 = 0.7;
+/// The least correlation once placed.
+const SAME: f64 = 0.95;
+/// Pixels from the middle to the edge of what is placed between pixels.
+const PATCH: i32 = 9;
+/// Standard deviation of its weights, in pixels.
+const WEIGHT: f64 = 5.0;
+/// The most that the row of a point may be uncertain, in pixels (one standard deviation).
+const UNSURE: f64 = 0.04;
+/// Points that miss the common trend of rows by more than this many pixels, and by more than five median deviations, are
+/// taken for mistaken.
+const MISTAKEN: f64 = 1.0;
+
+/// A view, made ready.
+#[derive(Clone, Debug)]
+pub struct Ready {
+    levels: Vec<Gray>,
+}
+
+#[derive(Clone, Debug)]
+struct Gray {
+    width: i32,
+    height: i32,
+    pixels: Vec<f32>,
+}
+
+impl Gray {
+    fn at(&self, x: i32, y: i32) -> f32 {
+        let (x, y) = (x.clamp(0, self.width - 1), y.clamp(0, self.height - 1));
+        self.pixels[(y * self.width + x) as usize]
+    }
+
+    /// Whether so much around a pixel lies inside.
+    fn has(&self, x: i32, y: i32, reach: i32) -> bool {
+        x >= reach && y >= reach && x + reach < self.width && y + reach < self.height
+    }
+
+    fn between(&self, x: f64, y: f64) -> f64 {
+        let (column, row) = (x.floor(), y.floor());
+        let (right, down) = (x - column, y - row);
+        let at = |i: i32, j: i32| f64::from(self.at(column as i32 + i, row as i32 + j));
+        (at(0, 0) * (1.0 - right) + at(1, 0) * right) * (1.0 - down)
+            + (at(0, 1) * (1.0 - right) + at(1, 1) * right) * down
+    }
+
+    /// Weights 1 4 6 4 1 along rows and columns: what is finer than pixels would not be the same in two views.
+    fn softened(&self) -> Self {
+        let along = |from: &Self, dx: i32, dy: i32| {
+            let mut pixels = Vec::with_capacity(from.pixels.len());
+            for y in 0..from.height {
+                for x in 0..from.width {
+                    let far = |n: i32| from.at(x + n * dx, y + n * dy);
+                    let sum = 6.0 * far(0) + 4.0 * (far(-1) + far(1)) + far(-2) + far(2);
+                    pixels.push(sum / 16.0);
+                }
+            }
+            Self { pixels, ..*from }
+        };
+        along(&along(self, 1, 0), 0, 1)
+    }
+
+    /// Half as wide and high; pixel n of it lies at pixel 2n.
+    fn halved(&self) -> Self {
+        let soft = self.softened();
+        let (width, height) = ((self.width + 1) / 2, (self.height + 1) / 2);
+        let at = |i: i32| soft.at(2 * (i % width), 2 * (i / width));
+        Self {
+            width,
+            height,
+            pixels: (0..width * height).map(at).collect(),
+        }
+    }
+}
+
+/// Surroundings of a pixel with their mean taken away.
+struct Surroundings {
+    values: Vec<f32>,
+    norm: f32,
+}
+
+impl Surroundings {
+    fn of(gray: &Gray, x: i32, y: i32) -> Option<Self> {
+        if !gray.has(x, y, REACH) {
+            return None;
+        }
+        let rows = (y - REACH..=y + REACH).flat_map(|y| {
+            let start = (y * gray.width + x - REACH) as usize;
+            &gray.pixels[start..=start + 2 * REACH as usize]
+        });
+        let mut values: Vec<f32> = rows.copied().collect();
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        values.iter_mut().for_each(|value| *value -= mean);
+        let norm = values.iter().map(|v| v * v).sum::<f32>().sqrt();
+        // Nothing but noise: half a gray level.
+        (norm > 0.5 * (values.len() as f32).sqrt()).then_some(Self { values, norm })
+    }
+
+    /// Correlation with the surroundings of another pixel.
+    fn like(&self, gray: &Gray, x: i32, y: i32) -> f64 {
+        if !gray.has(x, y, REACH) {
+            return 0.0;
+        }
+        const SIDE: usize = 2 * REACH as usize + 1;
+        let (mut product, mut sum, mut square) = (0.0, 0.0, 0.0);
+        for (row, own) in self.values.as_chunks::<SIDE>().0.iter().enumerate() {
+            let start = (y - REACH + row as i32) * gray.width + x - REACH;
+            let other = &gray.pixels[start as usize..][..SIDE];
+            for (own, other) in own.iter().zip(other) {
+                product += own * other;
+                sum += other;
+                square += other * other;
+            }
+        }
+        let norm = (square - sum * sum / self.values.len() as f32)
+            .max(0.0)
+            .sqrt();
+        f64::from(product / (self.norm * norm).max(1e-3))
+    }
+}
+
+impl Ready {
+    /// Makes a view ready: 8-bit gray, row by row.
+    ///
+    /// # Panics
+    /// When there are not as many pixels as the size says.
+    pub fn new(pixels: &[u8], size: Size) -> Self {
+        assert_eq!(pixels.len(), size.pixels(), "an image of {size}");
+        let mut levels = vec![Gray {
+            width: size.width as i32,
+            height: size.height as i32,
+            pixels: pixels.iter().map(|&value| value.into()).collect(),
+        }];
+        while levels.len() < LEVELS {
+            let half = levels[levels.len() - 1].halved();
+            levels.push(half);
+        }
+        // The finest level is placed between pixels.
+        levels[0] = levels[0].softened();
+        Self { levels }
+    }
+
+    /// Where a point (column, row) of this view lies in another: by how many columns and rows further. `None` where that is
+    /// not sure.
+    pub fn follow(&self, other: &Self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let whole = [x.round() as i32, y.round() as i32];
+        let coarse = LEVELS - 1;
+        let columns = self.levels[coarse].width / 4;
+        let mut found = [0, 0];
+        for level in (0..LEVELS).rev() {
+            let (own, gray) = (&self.levels[level], &other.levels[level]);
+            let at = whole.map(|v| v >> level);
+            let surroundings = Surroundings::of(own, at[0], at[1])?;
+            let reach = match level == coarse {
+                true => [columns, ROWS],
+                false => [2, 2],
+            };
+            let mut best = (LIKE, None);
+            for row in -reach[1]..=reach[1] {
+                for column in -reach[0]..=reach[0] {
+                    let by = [found[0] + column, found[1] + row];
+                    let like = surroundings.like(gray, at[0] + by[0], at[1] + by[1]);
+                    if like > best.0 {
+                        best = (like, Some(by));
+                    }
+                }
+            }
+            found = best.1?;
+            if level > 0 {
+                found = found.map(|v| 2 * v);
+            }
+        }
+        let start = found.map(f64::from);
+        let placed = place(&self.levels[0], &other.levels[0], whole, start)?;
+        // The way back must lead here.
+        let there = [0, 1].map(|k| (f64::from(whole[k]) + placed[k]).round() as i32);
+        let rest = [0, 1].map(|k| f64::from(there[k] - whole[k]) - placed[k]);
+        let back = place(&other.levels[0], &self.levels[0], there, placed.map(|v| -v))?;
+        let is_back = (placed[1] + back[1]).abs() < 0.25 && (placed[0] + back[0]).abs() < 0.5;
+        (is_back && rest[0].abs() <= 0.5).then_some(placed)
+    }
+}
+
+/// Unknowns of placing: columns at the middle, their change along columns and along rows, rows, gain, offset.
+const UNKNOWNS: usize = 6;
+
+/// Places the surroundings of a pixel in another image, from a start within two pixels.
+fn place(own: &Gray, other: &Gray, [x, y]: [i32; 2], start: [f64; 2]) -> Option<[f64; 2]> {
+    if !own.has(x, y, PATCH + 1) {
+        return None;
+    }
+    let inside = |at: [f64; 2]| {
+        let [column, row] = [x, y].map(f64::from);
+        other.has(
+            (column + at[0]).round() as i32,
+            (row + at[1]).round() as i32,
+            PATCH + 2,
+        )
+    };
+    let mut state = [start[0], 0.0, 0.0, start[1], 1.0, 0.0];
+    for _ in 0..20 {
+        if !inside([state[0], state[3]]) {
+            return None;
+        }
+        let mut normal = [[0.0; UNKNOWNS]; UNKNOWNS];
+        let mut right = [0.0; UNKNOWNS];
+        let (mut squares, mut weights) = (0.0, 0.0);
+        // Sums for the correlation: own, other, their squares and product.
+        let mut sums = [0.0; 5];
+        for dy in -PATCH..=PATCH {
+            for dx in -PATCH..=PATCH {
+                let (column, row) = (f64::from(dx), f64::from(dy));
+                let weight = (-(column * column + row * row) / (2.0 * WEIGHT * WEIGHT)).exp();
+                let (px, py) = (x + dx, y + dy);
+                let mine = f64::from(own.at(px, py));
+                let slope = |ax: i32, ay: i32| {
+                    f64::from(own.at(px + ax, py + ay) - own.at(px - ax, py - ay)) / 2.0
+                };
+                let (across, down) = (slope(1, 0), slope(0, 1));
+                let theirs = other.between(
+                    f64::from(px) + state[0] + state[1] * column + state[2] * row,
+                    f64::from(py) + state[3],
+                );
+                let left = [across, across * column, across * row, down, theirs, 1.0];
+                let miss = mine - (state[4] * theirs + state[5]);
+                for i in 0..UNKNOWNS {
+                    right[i] += weight * left[i] * miss;
+                    for j in 0..UNKNOWNS {
+                        normal[i][j] += weight * left[i] * left[j];
+                    }
+                }
+                squares += weight * miss * miss;
+                weights += weight;
+                for (sum, value) in
+                    sums.iter_mut()
+                        .zip([mine, theirs, mine * mine, theirs * theirs, mine * theirs])
+                {
+                    *sum += weight * value;
+                }
+            }
+        }
+        let inverse = inverted(normal)?;
+        let step: Vec<f64> = inverse
+            .iter()
+            .map(|row| row.iter().zip(&right).map(|(a, b)| a * b).sum())
+            .collect();
+        for (state, step) in state.iter_mut().zip(&step) {
+            *state += step;
+        }
+        let has_strayed = (state[0] - start[0]).abs() > 3.0 || (state[3] - start[1]).abs() > 3.0;
+        if has_strayed || state[1].abs() > 0.5 || state[2].abs() > 0.5 {
+            return None;
+        }
+        if step[0].abs() < 2e-3 && step[3].abs() < 2e-3 {
+            let [a, b, aa, bb, ab] = sums.map(|sum| sum / weights);
+            let same = (ab - a * b) / ((aa - a * a) * (bb - b * b)).max(1e-6).sqrt();
+            // Quantization alone makes a miss of 0.3 gray levels.
+            let miss = squares / weights + 0.1;
+            let unsure = (miss * inverse[3][3]).sqrt();
+            return (same > SAME && unsure < UNSURE).then_some([state[0], state[3]]);
+        }
+    }
+    None
+}
+
+/// The inverse of a symmetric matrix, by elimination; `None` where it hardly has one.
+fn inverted(mut matrix: [[f64; UNKNOWNS]; UNKNOWNS]) -> Option<[[f64; UNKNOWNS]; UNKNOWNS]> {
+    let mut inverse = [[0.0; UNKNOWNS]; UNKNOWNS];
+    for (i, row) in inverse.iter_mut().enumerate() {
+        row[i] = 1.0;
+    }
+    for i in 0..UNKNOWNS {
+        let pivot = matrix[i][i];
+        if pivot.abs() < 1e-9 {
+            return None;
+        }
+        for k in 0..UNKNOWNS {
+            matrix[i][k] /= pivot;
+            inverse[i][k] /= pivot;
+        }
+        for row in (0..UNKNOWNS).filter(|&row| row != i) {
+            let by = matrix[row][i];
+            for k in 0..UNKNOWNS {
+                matrix[row][k] -= by * matrix[i][k];
+                inverse[row][k] -= by * inverse[i][k];
+            }
+        }
+    }
+    Some(inverse)
+}
+
+/// A point that was followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// Its column and row in the view it was followed from, from the middle of the picture.
+    pub from_middle: [f64; 2],
+    /// By how many rows it lies lower in the right one of the two views.
+    pub rows: f64,
+}
+
+/// Rows between two neighbouring views.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rows {
+    /// Points that were followed, without those taken for mistaken.
+    pub points: usize,
+    /// Points that were taken for mistaken.
+    pub mistaken: usize,
+    /// Median and 95th percentile of the pixels by which a point misses its row.
+    pub median_px: f64,
+    /// The 95th percentile.
+    pub p95_px: f64,
+    /// Rows by which the middle of the right view is lower.
+    pub offset_px: f64,
+    /// Rows more for each column to the right: a turn about the axis, in radians.
+    pub per_column: f64,
+    /// Rows more for each row down: a difference in scale.
+    pub per_row: f64,
+}
+
+/// What the points that were followed between two views say; `None` for fewer than ten.
+///
+/// The trend, a plane over the picture, is fitted again and again to the half of the points that is nearest to it.
+pub fn rows(followed: &[Followed]) -> Option<Rows> {
+    const LEAST: usize = 10;
+    if followed.len() < LEAST {
+        return None;
+    }
+    let all: Vec<f64> = followed.iter().map(|point| point.rows).collect();
+    let mut trend = [quantile(&all, 0.5), 0.0, 0.0];
+    let miss = |trend: [f64; 3], point: &Followed| {
+        let [column, row] = point.from_middle;
+        (point.rows - trend[0] - trend[1] * column - trend[2] * row).abs()
+    };
+    for _ in 0..10 {
+        let misses: Vec<f64> = followed.iter().map(|point| miss(trend, point)).collect();
+        let half = quantile(&misses, 0.5);
+        let near = followed
+            .iter()
+            .zip(&misses)
+            .filter(|(_, miss)| **miss <= half);
+        trend = plane(near.map(|(point, _)| point)).unwrap_or(trend);
+    }
+    let misses: Vec<f64> = followed.iter().map(|point| miss(trend, point)).collect();
+    let most = MISTAKEN.max(5.0 * quantile(&misses, 0.5));
+    let good = followed.iter().filter(|point| miss(trend, point) <= most);
+    let off: Vec<f64> = good.map(|point| point.rows.abs()).collect();
+    (off.len() >= LEAST).then(|| Rows {
+        points: off.len(),
+        mistaken: followed.len() - off.len(),
+        median_px: quantile(&off, 0.5),
+        p95_px: quantile(&off, 0.95),
+        offset_px: trend[0],
+        per_column: trend[1],
+        per_row: trend[2],
+    })
+}
+
+/// The least-squares plane rows = a + b·column + c·row.
+fn plane<'a>(points: impl Iterator<Item = &'a Followed>) -> Option<[f64; 3]> {
+    let mut normal = glam::DMat3::ZERO;
+    let mut right = glam::DVec3::ZERO;
+    for point in points {
+        let [column, row] = point.from_middle;
+        let left = glam::DVec3::new(1.0, column, row);
+        normal += glam::DMat3::from_cols(left, left * column, left * row);
+        right += left * point.rows;
+    }
+    (normal.determinant().abs() > 1e-6).then(|| (normal.inverse() * right).to_array())
+}
+
+/// Steps on both sides of a view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steps {
+    /// Points that were followed to both sides.
+    pub points: usize,
+    /// Median of the left disparity as a multiple of the right one; 1 for equal steps.
+    pub ratio: f64,
+    /// Median of their difference, in pixels.
+    pub median_px: f64,
+    /// 95th percentile of their difference without its sign, in pixels; points at outlines, whose columns are seldom
+    /// sure, are among them.
+    pub p95_px: f64,
+    /// What the steps alone make a point miss in the next view but one: the ratio at a disparity that 95 % do not reach,
+    /// or the median difference, whichever is more, in pixels.
+    pub miss_px: f64,
+}
+
+/// What disparities to the left and to the right of a view say of the steps; `None` for fewer than ten.
+pub fn steps(disparities: &[[f64; 2]]) -> Option<Steps> {
+    let ratios = disparities.iter().filter(|[_, right]| right.abs() > 1.0);
+    let ratios: Vec<f64> = ratios.map(|[left, right]| left / right).collect();
+    if ratios.len() < 10 {
+        return None;
+    }
+    let ratio = quantile(&ratios, 0.5);
+    // A point that was mistaken on one side says nothing of the steps.
+    let differences = disparities
+        .iter()
+        .map(|[left, right]| (left - right, left - right * ratio));
+    let near = differences.filter(|(_, off)| off.abs() < 3.0 * MISTAKEN);
+    let near: Vec<f64> = near.map(|(difference, _)| difference).collect();
+    let off: Vec<f64> = near.iter().map(|difference| difference.abs()).collect();
+    let wide: Vec<f64> = disparities.iter().map(|[_, right]| right.abs()).collect();
+    let median_px = quantile(&near, 0.5);
+    Some(Steps {
+        points: near.len(),
+        ratio,
+        median_px,
+        p95_px: quantile(&off, 0.95),
+        miss_px: ((ratio - 1.0).abs() * quantile(&wide, 0.95)).max(median_px.abs()),
+    })
+}
+
+/// The value below which this part of the values lies; 0 of none.
+fn quantile(values: &[f64], part: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = (part * sorted.len().saturating_sub(1) as f64).round() as usize;
+    sorted.get(at).copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size::new(200, 160);
+
+    /// A picture of soft blobs, moved by so much.
+    fn blobs(move_by: impl Fn(f64, f64) -> [f64; 2]) -> Vec<u8> {
+        let mut gray = vec![100.0; SIZE.pixels()];
+        for blob in 0..120 {
+            let (x, y) = ((blob * 67 % 197) as f64, (blob * 41 % 157) as f64);
+            let [dx, dy] = move_by(x, y);
+            let bright = f64::from(blob * 29 % 120) - 60.0;
+            let spread = 2.5 + f64::from(blob % 3);
+            for (i, gray) in gray.iter_mut().enumerate() {
+                let (column, row) = ((i % 200) as f64 - x - dx, (i / 200) as f64 - y - dy);
+                let far = (column * column + 1.4 * row * row) / (2.0 * spread * spread);
+                *gray += bright * (-far).exp();
+            }
+        }
+        gray.into_iter().map(|v: f64| v.round() as u8).collect()
+    }
+
+    fn points() -> Vec<[f64; 2]> {
+        let at = |i: i32| [f64::from(20 + i % 17 * 10), f64::from(20 + i / 17 * 10)];
+        (0..17 * 13).map(at).collect()
+    }
+
+    #[test]
+    fn a_shift_between_pixels_is_found_within_hundredths() {
+        let (a, b) = (blobs(|_, _| [0.0; 2]), blobs(|_, _| [-9.37, 2.63]));
+        let (a, b) = (Ready::new(&a, SIZE), Ready::new(&b, SIZE));
+        let found: Vec<[f64; 2]> = points().iter().filter_map(|&at| a.follow(&b, at)).collect();
+        assert!(found.len() > 100, "{}", found.len());
+        let off = |axis: usize, shift: f64| -> Vec<f64> {
+            found.iter().map(|by| (by[axis] - shift).abs()).collect()
+        };
+        // Gray levels are whole numbers, and some blobs are faint.
+        for off in [off(0, -9.37), off(1, 2.63)] {
+            let (median, p95) = (quantile(&off, 0.5), quantile(&off, 0.95));
+            assert!(median < 0.03 && p95 < 0.1, "median {median}, p95 {p95}");
+        }
+    }
+
+    #[test]
+    fn a_turn_is_told_from_an_offset() {
+        let (x, y) = ((199.0) / 2.0, 159.0 / 2.0);
+        let turned = |c: f64, r: f64| {
+            [
+                -6.0 + 0.02 * (r - y),
+                0.5 + 0.01 * (c - x) - 0.004 * (r - y),
+            ]
+        };
+        let (a, b) = (blobs(|_, _| [0.0; 2]), blobs(turned));
+        let (a, b) = (Ready::new(&a, SIZE), Ready::new(&b, SIZE));
+        let followed = points().into_iter().filter_map(|at| {
+            let [_, rows] = a.follow(&b, at)?;
+            Some(Followed {
+                from_middle: [at[0] - x, at[1] - y],
+                rows,
+            })
+        });
+        let mut followed: Vec<Followed> = followed.collect();
+        // Some were mistaken.
+        followed.extend([-11.0, 7.0, 9.0, 25.0].map(|rows| Followed {
+            from_middle: [0.0; 2],
+            rows,
+        }));
+        let rows = rows(&followed);
+        assert!(
+            rows.is_some_and(|rows| {
+                rows.mistaken >= 4
+                    && (rows.offset_px - 0.5).abs() < 0.03
+                    && (rows.per_column - 0.01).abs() < 1e-3
+                    && (rows.per_row + 0.004).abs() < 1e-3
+                    && (rows.p95_px - 1.3).abs() < 0.25
+            }),
+            "{rows:?}"
+        );
+    }
+
+    #[test]
+    fn unequal_steps_show_in_their_ratio() {
+        let disparities: Vec<[f64; 2]> = (0..100)
+            .map(|i| [11.0 + 0.11 * f64::from(i), 10.0 + 0.1 * f64::from(i)])
+            .collect();
+        let steps = steps(&disparities);
+        assert!(
+            steps.is_some_and(|s| (s.ratio - 1.1).abs() < 1e-9 && (s.median_px - 1.5).abs() < 0.02),
+            "{steps:?}"
+        );
+    }
+
+    #[test]
+    fn a_plain_picture_says_nothing() {
+        let plain = Ready::new(&vec![90; SIZE.pixels()], SIZE);
+        assert!(
+            points()
+                .iter()
+                .all(|&at| plain.follow(&plain, at).is_none())
+        );
+        assert_eq!(rows(&[]), None);
+        assert_eq!(steps(&[[1.0, 1.0]; 9]), None);
+    }
+}

@@ -1,0 +1,298 @@
+//! Images as tilted cameras with lenses that distort take them: rectified, matched, measured; and what
+//! `check-geometry` says of them.
+#![expect(clippy::unwrap_used, reason = "tests")]
+
+mod harness;
+#[path = "../nodes/capture/tests/rig/mod.rs"]
+mod rig;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat2, DVec2, DVec3};
+use harness::World;
+use image::GrayImage;
+use messages::recording::Recording;
+use rig::{Camera, FISHEYE, RADTAN, SIZE, axes, kalibr, rig};
+use serde_json::Value;
+
+/// A wall that slants, and two boards before it, all painted.
+struct Board {
+    /// A point of it, in metres in the rig's frame, and its two directions.
+    middle: DVec3,
+    along: DVec3,
+    down: DVec3,
+    /// Half its width and height, in metres.
+    half: [f64; 2],
+}
+
+fn boards() -> [Board; 3] {
+    let board = |middle: [f64; 3], along: [f64; 3], down: [f64; 3], half| Board {
+        middle: DVec3::from(middle),
+        along: DVec3::from(along).normalize(),
+        down: DVec3::from(down).normalize(),
+        half,
+    };
+    [
+        board(
+            [0.06, 0.0, 1.5],
+            [1.0, 0.0, 0.25],
+            [0.0, 1.0, -0.1],
+            [9.0, 9.0],
+        ),
+        board(
+            [-0.12, -0.1, 1.05],
+            [1.0, 0.1, -0.2],
+            [0.1, -1.0, 0.0],
+            [0.17, 0.13],
+        ),
+        board(
+            [0.22, 0.12, 0.9],
+            [1.0, -0.3, 0.0],
+            [0.3, 1.0, 0.15],
+            [0.12, 0.15],
+        ),
+    ]
+}
+
+/// The nearest board on a ray from a place: how many times the ray, and the gray level there.
+fn seen(place: DVec3, ray: DVec3) -> Option<(f64, f64)> {
+    let mut nearest = None;
+    for (number, board) in boards().iter().enumerate() {
+        let normal = board.along.cross(board.down);
+        let far = (board.middle - place).dot(normal) / ray.dot(normal);
+        let at = place + ray * far - board.middle;
+        let (u, v) = (at.dot(board.along), at.dot(board.down));
+        let is_on = far > 0.0 && u.abs() <= board.half[0] && v.abs() <= board.half[1];
+        if is_on && nearest.is_none_or(|(other, _)| far < other) {
+            nearest = Some((far, paint(number as i64, u, v)));
+        }
+    }
+    nearest
+}
+
+/// Tiles of many grays with a disc on each.
+fn paint(board: i64, u: f64, v: f64) -> f64 {
+    const TILE: f64 = 0.036;
+    let (column, row) = ((u / TILE).floor() as i64, (v / TILE).floor() as i64);
+    let gray = |salt: i64| {
+        let mut hash = (column * 7919 + row * 104_729 + board * 1_299_709 + salt) as u64;
+        hash = (hash ^ (hash >> 31)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        30.0 + ((hash ^ (hash >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 56) as f64 * 0.75
+    };
+    let middle = [(column as f64 + 0.5) * TILE, (row as f64 + 0.5) * TILE];
+    match (u - middle[0]).hypot(v - middle[1]) < 0.3 * TILE {
+        true => gray(1),
+        false => gray(0),
+    }
+}
+
+/// The ray that a camera sees at a place of its image, in the rig's frame: Newton's method on where it sees rays.
+fn ray_at(camera: &Camera, place: DVec2) -> DVec3 {
+    let centre = DVec2::from(camera.centre);
+    let ray = |at: DVec2| camera.turn.transpose() * at.extend(1.0);
+    let sees = |at: DVec2| camera.sees(camera.place + ray(at));
+    let mut at = (place - centre) / DVec2::from(camera.focal);
+    for _ in 0..8 {
+        let (here, by) = (sees(at), 1e-6);
+        let slope = DMat2::from_cols(
+            (sees(at + DVec2::X * by) - here) / by,
+            (sees(at + DVec2::Y * by) - here) / by,
+        );
+        at += slope.inverse() * (place - here);
+    }
+    ray(at)
+}
+
+/// What a camera sees: sixteen rays a pixel.
+fn picture(camera: &Camera) -> GrayImage {
+    let (width, height) = (SIZE.width as usize, SIZE.height as usize);
+    // Rays through the corners of pixels; between them they change evenly.
+    let corner = |i: usize| {
+        let place = [(i % (width + 1)) as f64, (i / (width + 1)) as f64];
+        ray_at(camera, DVec2::from(place) - 0.5)
+    };
+    let rays: Vec<DVec3> = (0..(width + 1) * (height + 1)).map(corner).collect();
+    GrayImage::from_fn(SIZE.width, SIZE.height, |x, y| {
+        let at = y as usize * (width + 1) + x as usize;
+        let mut sum = 0.0;
+        for sample in 0..16 {
+            let right = (f64::from(sample % 4) + 0.5) / 4.0;
+            let down = (f64::from(sample / 4) + 0.5) / 4.0;
+            let upper = rays[at].lerp(rays[at + 1], right);
+            let lower = rays[at + width + 1].lerp(rays[at + width + 2], right);
+            sum += seen(camera.place, upper.lerp(lower, down)).unwrap().1;
+        }
+        image::Luma([(sum / 16.0).round() as u8])
+    })
+}
+
+/// Writes what these cameras see, and gives the folder.
+fn scene(world: &World, name: &str, cameras: &[Camera]) -> PathBuf {
+    let folder = world.path(name);
+    fs::create_dir_all(&folder).unwrap();
+    std::thread::scope(|scope| {
+        for (view, camera) in cameras.iter().enumerate() {
+            let path = folder.join(format!("view{view}.png"));
+            scope.spawn(move || picture(camera).save(path).unwrap());
+        }
+    });
+    folder
+}
+
+fn check(world: &World, folder: &Path, set: &[&str]) -> (Option<i32>, Value) {
+    let source = folder.to_string_lossy();
+    let mut arguments = vec!["check-geometry", &source, "--json"];
+    for set in set {
+        arguments.extend(["--set", set]);
+    }
+    let ran = world.run(&arguments);
+    (ran.code, ran.json())
+}
+
+/// A camera without distortion that looks straight ahead, 50 mm from the last.
+fn straight(view: usize) -> Camera {
+    Camera {
+        focal: [640.0; 2],
+        centre: [255.5, 239.5],
+        lens: rig::Lens::Polynomial([0.0; 8]),
+        turn: glam::DMat3::IDENTITY,
+        place: DVec3::X * 0.05 * view as f64,
+    }
+}
+
+#[test]
+fn a_tilted_rig_that_distorts_gives_depths_within_half_a_percent() {
+    let world = World::new();
+    let cameras = rig([RADTAN, FISHEYE, RADTAN]);
+    let folder = scene(&world, "scene", &cameras);
+    let calibration = world.path("camchain.yaml");
+    fs::write(&calibration, kalibr(&cameras)).unwrap();
+    let set = format!("capture.calibration={}", calibration.display());
+    let (code, raw) = check(&world, &folder, &[]);
+    assert_eq!(code, Some(1), "{raw}");
+    let (code, mended) = check(&world, &folder, &[&set]);
+    assert_eq!(
+        (code, &mended["verdict"]),
+        (Some(0), &Value::from("works")),
+        "{mended}"
+    );
+    for pair in mended["pairs"].as_array().unwrap() {
+        assert!(pair["p95_px"].as_f64().unwrap() < 0.1, "{mended}");
+        assert!(pair["points"].as_u64().unwrap() > 200, "{mended}");
+    }
+    let source = folder.to_string_lossy();
+    let run = [
+        "run", "--source", &source, "--set", &set, "--scans", "1", "--record", "x.mcap",
+    ];
+    world.run(&run).done();
+    world
+        .run(&["export", "x.mcap", "--csv", "points.csv"])
+        .done();
+    let recording = Recording::open(&world.path("x.mcap")).unwrap();
+    let camera = recording.metadata().rig.calibration.unwrap();
+    assert!(camera.calibrated);
+    let axes = axes(&cameras).transpose();
+    let depth_at = |x: f64, y: f64| {
+        let ray = DVec3::new(
+            (x - camera.cx) / camera.focal_px,
+            (y - camera.cy) / camera.focal_px,
+            1.0,
+        );
+        seen(cameras[0].place, axes * ray).unwrap().0
+    };
+    let text = fs::read_to_string(world.path("points.csv")).unwrap();
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name: &str| names.iter().position(|n| *n == name).unwrap();
+    let (x, y, depth) = (column("x"), column("y"), column("depth"));
+    let mut errors = Vec::new();
+    for line in lines {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |at: usize| cells[at].parse::<f64>().unwrap();
+        // An outline may lie a pixel off the board it belongs to.
+        let around = [-1.0, 0.0, 1.0]
+            .into_iter()
+            .flat_map(|dy| [-1.0, 0.0, 1.0].map(|dx| (dx, dy)));
+        let off = around.map(|(dx, dy)| {
+            let truth = depth_at(number(x) + dx, number(y) + dy);
+            number(depth) / truth - 1.0
+        });
+        errors.push(off.min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap());
+    }
+    assert!(errors.len() > 5_000, "{} points", errors.len());
+    errors.sort_by(f64::total_cmp);
+    let bias = errors[errors.len() / 2];
+    let mut sizes: Vec<f64> = errors.iter().map(|error| error.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let part = |part: usize| sizes[sizes.len() * part / 100];
+    let figures = format!(
+        "{} points, bias {bias:.5}, median {:.5}, p90 {:.5}, p95 {:.5}; rows raw {}, rectified {}",
+        sizes.len(),
+        part(50),
+        part(90),
+        part(95),
+        raw["pairs"],
+        mended["pairs"]
+    );
+    assert!(
+        bias.abs() < 0.001 && part(50) < 0.001 && part(95) < 0.005,
+        "{figures}"
+    );
+}
+
+#[test]
+fn what_was_turned_and_moved_on_purpose_is_measured() {
+    let world = World::new();
+    let mut cameras = [straight(0), straight(1), straight(2)];
+    // The left one sees all half a pixel lower; the right one is turned by a fifth of a degree.
+    cameras[0].centre[1] += 0.5;
+    cameras[2].turn = glam::DMat3::from_rotation_z(0.2f64.to_radians());
+    let (code, report) = check(&world, &scene(&world, "scene", &cameras), &[]);
+    assert_eq!(
+        (code, &report["verdict"]),
+        (Some(0), &Value::from("covers-less")),
+        "{report}"
+    );
+    let figure = |pair: usize, key: &str| report["pairs"][pair][key].as_f64().unwrap();
+    assert!((figure(0, "offset_px") + 0.5).abs() < 0.02, "{report}");
+    assert!(figure(0, "turn_degrees").abs() < 0.01, "{report}");
+    assert!((figure(1, "turn_degrees") - 0.2).abs() < 0.01, "{report}");
+    // A turned camera sees points by their disparity, here of 21 pixels, further to the left, and so further up.
+    assert!(
+        (figure(1, "offset_px") + 21.0 * 0.2f64.to_radians()).abs() < 0.02,
+        "{report}"
+    );
+    assert!(
+        (report["steps"][0]["ratio"].as_f64().unwrap() - 1.0).abs() < 0.005,
+        "{report}"
+    );
+}
+
+#[test]
+fn parallel_views_are_told_to_work_and_unequal_steps_are_not() {
+    let world = World::new();
+    let mut cameras = [straight(0), straight(1), straight(2)];
+    let (code, report) = check(&world, &scene(&world, "equal", &cameras), &[]);
+    assert_eq!(
+        (code, &report["verdict"]),
+        (Some(0), &Value::from("works")),
+        "{report}"
+    );
+    cameras[2].place.x = 0.106;
+    let (code, report) = check(&world, &scene(&world, "unequal", &cameras), &[]);
+    assert_eq!(
+        (code, &report["verdict"]),
+        (Some(1), &Value::from("rectify-first")),
+        "{report}"
+    );
+    let ratio = report["steps"][0]["ratio"].as_f64().unwrap();
+    assert!((ratio - 50.0 / 56.0).abs() < 0.005, "{report}");
+    let rendered = world.run(&["check-geometry", "scene:tab"]).done();
+    assert!(
+        rendered
+            .out
+            .contains("matching will work: rows are aligned within"),
+        "{rendered:?}"
+    );
+}
