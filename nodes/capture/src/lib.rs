@@ -22,6 +22,7 @@ mod scene;
 mod sensor;
 mod settings;
 mod source;
+pub mod synchronise;
 mod truth;
 
 pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
