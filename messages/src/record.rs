@@ -53,6 +53,8 @@ pub enum Content {
     Ledger,
     /// The [`Health`](crate::health::Health) of the running graph.
     Health,
+    /// The [`Synchronisation`](crate::synchronisation::Synchronisation) of cameras.
+    Synchronisation,
     /// What the nodes have to say.
     Log,
 }
@@ -216,6 +218,11 @@ impl Codec {
             "health".to_owned(),
             Content::Health,
             Schema::health(),
+        ));
+        all.push(channel(
+            "synchronisation".to_owned(),
+            Content::Synchronisation,
+            Schema::synchronisation(),
         ));
         all.push(channel("log".to_owned(), Content::Log, Schema::log()));
         all.extend(Topic::all(&self.rig).into_iter().map(|topic| {

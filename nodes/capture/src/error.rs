@@ -227,6 +227,67 @@ pub enum SourceError {
         why: String,
     },
 
+    /// A way to cameras that this build does not have.
+    #[error(
+        "this build has no way to {source_name}: build it with `cargo install --path . --features {source_name}`{packages}"
+    )]
+    NeedsFeature {
+        /// The source, which is the feature's name too.
+        source_name: String,
+        /// What else is needed.
+        packages: &'static str,
+    },
+
+    /// Cameras, but not which.
+    #[error(
+        "the source {source_name} needs to know its cameras, left to right: set capture.cameras to {each} for each view"
+    )]
+    NoCameras {
+        /// The source.
+        source_name: String,
+        /// What is expected of each.
+        each: &'static str,
+    },
+
+    /// Frames of another program, but not their size.
+    #[error(
+        "the size of frames that another program publishes must be known beforehand: set capture.width and capture.height"
+    )]
+    NoSize,
+
+    /// A camera that cannot be opened or sends nothing of use.
+    #[error("the camera {name} ({camera}): {why}")]
+    Camera {
+        /// The view.
+        name: String,
+        /// Its pipeline or device.
+        camera: String,
+        /// What is wrong, in its own words.
+        why: String,
+    },
+
+    /// Frames too small or too large.
+    #[error(
+        "{what} must be of at least {LEAST_SIDE}x{LEAST_SIDE} pixels and at most {} megapixels, not {size}",
+        MOST_PIXELS / 1_000_000
+    )]
+    CameraSize {
+        /// What has the size.
+        what: String,
+        /// The size.
+        size: Size,
+    },
+
+    /// Cameras where a source is wanted that can be read again.
+    #[error(
+        "cameras send each frame once: run them with `tricurve run`, and give here a folder or a rendered scene"
+    )]
+    SentOnce,
+
+    /// The system gives no thread.
+    #[error("cannot start a camera's thread: {0}")]
+    Thread(io::Error),
+
     /// A camera_info file that cannot be used.
     #[error("{} gives no calibration: {why}", path.display())]
     CameraInfo {
@@ -248,6 +309,10 @@ impl SourceError {
                 | Self::ViewOrder { .. }
                 | Self::NoSuchView { .. }
                 | Self::UnequalSteps { .. }
+                | Self::NeedsFeature { .. }
+                | Self::NoCameras { .. }
+                | Self::NoSize
+                | Self::SentOnce
         )
     }
 

@@ -11,6 +11,8 @@ use crate::camera_info::{self, Known};
 use crate::error::SourceError;
 use crate::folder::{self, Album, Choice, Why};
 use crate::image_file;
+#[cfg(feature = "node")]
+use crate::live;
 use crate::scene::{self, Object, Rendered};
 use crate::sensor::Sensor;
 use crate::settings::Settings;
@@ -37,6 +39,8 @@ enum Kind {
         albums: Vec<Album>,
         kept: Kept,
     },
+    #[cfg(feature = "node")]
+    Cameras(live::Known),
 }
 
 /// A chosen view of a scan.
@@ -55,6 +59,10 @@ impl Source {
     /// What is wrong with the source or the settings, in one sentence.
     pub fn open(settings: &Settings) -> Result<Self, SourceError> {
         settings.check()?;
+        #[cfg(feature = "node")]
+        if let Some(way) = live::Way::of(&settings.source) {
+            return Self::cameras(live::look(way, settings)?, settings);
+        }
         match settings.source.strip_prefix("scene:") {
             Some(name) => Self::rendered(name, settings),
             None => Self::folders(Path::new(&settings.source), settings),
@@ -92,6 +100,27 @@ impl Source {
             notices: Vec::new(),
             warnings,
         })
+    }
+
+    #[cfg(feature = "node")]
+    fn cameras(known: live::Known, settings: &Settings) -> Result<Self, SourceError> {
+        let (calibration, warnings) = calibration(settings, Known::default(), &[known.size])?;
+        Ok(Self {
+            scans: settings.scans.unwrap_or(u64::MAX),
+            calibration,
+            notices: known.notices.clone(),
+            warnings,
+            kind: Kind::Cameras(known),
+        })
+    }
+
+    /// Whether it sends each frame once, when it likes: then it cannot be read, only run.
+    pub fn is_cameras(&self) -> bool {
+        match &self.kind {
+            Kind::Rendered { .. } | Kind::Folders { .. } => false,
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => true,
+        }
     }
 
     fn folders(path: &Path, settings: &Settings) -> Result<Self, SourceError> {
@@ -141,6 +170,16 @@ impl Source {
                     position_steps: shot.position,
                 })
                 .collect(),
+            #[cfg(feature = "node")]
+            Kind::Cameras(known) => known
+                .views
+                .iter()
+                .enumerate()
+                .map(|(step, (_, camera))| Place {
+                    name: camera.clone(),
+                    position_steps: step as f64,
+                })
+                .collect(),
         }
     }
 
@@ -149,6 +188,8 @@ impl Source {
         match &self.kind {
             Kind::Rendered { scenes, .. } => scenes[turn(scan, scenes)].object.name(),
             Kind::Folders { albums, .. } => &albums[turn(scan, albums)].name,
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => "cameras",
         }
     }
 
@@ -157,6 +198,8 @@ impl Source {
         match &self.kind {
             Kind::Rendered { .. } => scene::SIZE,
             Kind::Folders { albums, .. } => albums[turn(scan, albums)].size,
+            #[cfg(feature = "node")]
+            Kind::Cameras(known) => known.size,
         }
     }
 
@@ -167,6 +210,8 @@ impl Source {
             Kind::Folders { albums, .. } => albums
                 .iter()
                 .fold(Size::default(), |size, album| size.union(album.size)),
+            #[cfg(feature = "node")]
+            Kind::Cameras(known) => known.size,
         }
     }
 
@@ -221,6 +266,8 @@ impl Source {
                     .extend_from_slice(kept.pixels(albums, album, view, Some(scan))?);
                 Ok(albums[album].size)
             }
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => Err(SourceError::SentOnce),
         }
     }
 
@@ -236,6 +283,8 @@ impl Source {
         match &self.kind {
             Kind::Rendered { scenes, .. } => Ok(Some(scenes[turn(scan, scenes)].truth(view))),
             Kind::Folders { albums, .. } => filed_truth(&albums[turn(scan, albums)], view),
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => Ok(None),
         }
     }
 }
@@ -246,6 +295,8 @@ impl Source {
         match &self.kind {
             Kind::Rendered { scenes, .. } => scenes.len() as u64,
             Kind::Folders { albums, .. } => albums.len() as u64,
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => 1,
         }
     }
 
@@ -258,6 +309,8 @@ impl Source {
                     |album: &Album| album.shots.get(view).is_some_and(|s| s.truth.is_some());
                 albums.iter().any(knows)
             }
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => false,
         }
     }
 }

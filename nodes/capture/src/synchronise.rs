@@ -54,7 +54,7 @@ pub enum Cause {
 }
 
 impl Cause {
-    fn in_words(self, names: &[String]) -> String {
+    pub(crate) fn in_words(self, names: &[String]) -> String {
         match self {
             Self::Alone(camera) => format!("{} had none within the tolerance", names[camera]),
             Self::Taken(camera) => format!("{} had one nearer to it", names[camera]),
@@ -262,7 +262,7 @@ impl<F> Synchroniser<F> {
         self.cameras[camera].has_ended = true;
     }
 
-    /// Whether no further scan can come, once [`next`](Self::next) gives none.
+    /// Whether no further scan can come, once [`next_scan`](Self::next_scan) gives none.
     pub fn has_ended(&self) -> bool {
         self.cameras
             .iter()
@@ -286,7 +286,7 @@ impl<F> Synchroniser<F> {
     }
 
     /// The next scan that is complete beyond doubt.
-    pub fn next(&mut self) -> Option<Scan<F>> {
+    pub fn next_scan(&mut self) -> Option<Scan<F>> {
         loop {
             self.settle();
             let nanos = self.cameras[self.reference].waiting.front()?.nanos;
@@ -649,14 +649,14 @@ mod tests {
                 if accepted[camera].last().is_none_or(|&last| time > last) {
                     accepted[camera].push(time);
                 }
-                while let Some(scan) = synchroniser.next() {
+                while let Some(scan) = synchroniser.next_scan() {
                     assert_eq!(scan.nanos, scan.frames[cameras / 2]);
                     made.push(scan.frames);
                 }
                 assert_balanced(&synchroniser, cameras);
             }
             (0..cameras).for_each(|camera| synchroniser.end(camera));
-            while let Some(scan) = synchroniser.next() {
+            while let Some(scan) = synchroniser.next_scan() {
                 made.push(scan.frames);
             }
             assert_eq!(made, twin(&accepted, tolerance), "round {round}");
@@ -689,7 +689,7 @@ mod tests {
                     .iter()
                     .for_each(|&(camera, time)| synchroniser.push(camera, time, time));
                 (0..3).for_each(|camera| synchroniser.end(camera));
-                std::iter::from_fn(|| synchroniser.next()).collect::<Vec<_>>()
+                std::iter::from_fn(|| synchroniser.next_scan()).collect::<Vec<_>>()
             };
             let together = run(&in_time);
             in_time.sort_by_key(|(camera, _)| *camera);
@@ -715,7 +715,7 @@ mod tests {
                 synchroniser.push(camera, time, time);
             }
             (0..3).for_each(|camera| synchroniser.end(camera));
-            while synchroniser.next().is_some() {}
+            while synchroniser.next_scan().is_some() {}
             synchroniser.account(&names(3))
         };
         let needed = run(MILLISECOND).tolerance_for_99_ms.unwrap();
@@ -734,7 +734,7 @@ mod tests {
             for camera in 0..if n < 10 { 3 } else { 2 } {
                 synchroniser.push(camera, time, time);
             }
-            while synchroniser.next().is_some() {}
+            while synchroniser.next_scan().is_some() {}
             let account = assert_balanced(&synchroniser, 3);
             assert!(account.cameras.iter().all(|camera| camera.waiting <= 8));
         }
@@ -752,7 +752,7 @@ mod tests {
             let time = (n + 1) * 33 * MILLISECOND;
             (0..3).for_each(|camera| synchroniser.push(camera, time, time));
         }
-        let again = std::iter::from_fn(|| synchroniser.next()).count();
+        let again = std::iter::from_fn(|| synchroniser.next_scan()).count();
         assert_eq!(again, 5);
         assert_balanced(&synchroniser, 3);
     }
@@ -765,7 +765,7 @@ mod tests {
                 let time = (33 * n + offset) * MILLISECOND;
                 synchroniser.push(camera, time, time);
             }
-            assert_eq!(synchroniser.next(), None);
+            assert_eq!(synchroniser.next_scan(), None);
         }
         let account = assert_balanced(&synchroniser, 3);
         assert_eq!(account.scans, 0);
@@ -791,7 +791,7 @@ mod tests {
         let mut synchroniser = Synchroniser::new(1, 0, 4);
         for time in [1_000, 2_000, 3_000, 10, 20, 30, 40, 50, 60] {
             synchroniser.push(0, time, time);
-            while synchroniser.next().is_some() {}
+            while synchroniser.next_scan().is_some() {}
         }
         let account = assert_balanced(&synchroniser, 1);
         assert_eq!((account.scans, account.cameras[0].late), (5, 4));
@@ -802,7 +802,7 @@ mod tests {
         let mut synchroniser = Synchroniser::new(1, 0, 2);
         for time in 1..=5u64 {
             synchroniser.push(0, time, time);
-            assert_eq!(synchroniser.next().map(|scan| scan.nanos), Some(time));
+            assert_eq!(synchroniser.next_scan().map(|scan| scan.nanos), Some(time));
         }
         assert!(!synchroniser.has_ended());
         synchroniser.end(0);

@@ -251,6 +251,8 @@ impl Recorder {
             self.health.hear(&Event::Report(bus.report(&[])));
             self.encoder
                 .health(self.health.say(Instant::now()), &mut batch);
+            let cameras = self.health.synchronisation();
+            self.encoder.synchronisation(cameras, &mut batch);
         }
         self.thread.write(batch);
         self.under_way.insert(scan.sequence, began.elapsed());
@@ -270,6 +272,8 @@ impl Recorder {
             self.health.hear(&Event::Report(bus.report(&[])));
             self.encoder
                 .health(self.health.say(Instant::now()), &mut batch);
+            let cameras = self.health.synchronisation();
+            self.encoder.synchronisation(cameras, &mut batch);
             self.thread.write(batch);
         }
         self.thread.finish(ledger)
