@@ -85,6 +85,9 @@ pub struct Run {
     pub rig: Rig,
     /// What happens to a scan that finds the door closed.
     pub delivery: Delivery,
+    /// Whether scans come from cameras, of whose frames there is an account.
+    #[serde(default)]
+    pub cameras: bool,
     /// How many scans may be under way.
     pub in_flight: usize,
     /// All nodes, in the order of the pipe.

@@ -66,6 +66,8 @@ pub struct Shown {
     pub views: bool,
     /// Curves that were not matched, over each image.
     pub rejected: bool,
+    /// What came of the frames of cameras.
+    pub cameras: bool,
 }
 
 impl Shown {
@@ -73,6 +75,7 @@ impl Shown {
     pub const ALL: Self = Self {
         views: true,
         rejected: true,
+        cameras: true,
     };
 }
 
@@ -219,11 +222,13 @@ impl Codec {
             Content::Health,
             Schema::health(),
         ));
-        all.push(channel(
-            "synchronisation".to_owned(),
-            Content::Synchronisation,
-            Schema::synchronisation(),
-        ));
+        if shown.cameras {
+            all.push(channel(
+                "synchronisation".to_owned(),
+                Content::Synchronisation,
+                Schema::synchronisation(),
+            ));
+        }
         all.push(channel("log".to_owned(), Content::Log, Schema::log()));
         all.extend(Topic::all(&self.rig).into_iter().map(|topic| {
             channel(

@@ -16,7 +16,7 @@ use crate::header::{Header, Size};
 const MOMENT: Duration = Duration::from_millis(100);
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 
-/// Publishes the frames of one view to a running graph whose source is `frames`.
+/// Publishes the frames of one view to a running graph whose source is `camera:bus`.
 pub struct FramesOut {
     publisher: FramesPublisher,
     view: u32,

@@ -209,7 +209,11 @@ impl<'a> Viewing<'a> {
             how,
         } = *live;
         let codec = Codec::new(run.rig.clone(), reference);
-        let channels = codec.channels_of(Shown::ALL, &run.kinds());
+        let shown = Shown {
+            cameras: run.cameras,
+            ..Shown::ALL
+        };
+        let channels = codec.channels_of(shown, &run.kinds());
         // What is offered depends on how the source plays.
         let state = state_of(run, &Ask::Source).unwrap_or_default();
         let offered = |channel: &Channel| Offered {

@@ -227,13 +227,20 @@ pub enum SourceError {
         why: String,
     },
 
+    /// A way to cameras that nobody knows.
+    #[error("there is no camera:{way}; cameras are camera:gstreamer, camera:v4l or camera:bus")]
+    UnknownWay {
+        /// What was asked for.
+        way: String,
+    },
+
     /// A way to cameras that this build does not have.
     #[error(
-        "this build has no way to {source_name}: build it with `cargo install --path . --features {source_name}`{packages}"
+        "this build reads no camera:{feature}; build it with `cargo install --path . --features {feature}`{packages}"
     )]
     NeedsFeature {
-        /// The source, which is the feature's name too.
-        source_name: String,
+        /// The feature.
+        feature: &'static str,
         /// What else is needed.
         packages: &'static str,
     },
@@ -278,6 +285,10 @@ pub enum SourceError {
         size: Size,
     },
 
+    /// A truth asked of cameras.
+    #[error("cameras know no true disparities: leave capture.truth out")]
+    NoTruth,
+
     /// Cameras where a source is wanted that can be read again.
     #[error(
         "cameras send each frame once: run them with `tricurve run`, and give here a folder or a rendered scene"
@@ -309,9 +320,11 @@ impl SourceError {
                 | Self::ViewOrder { .. }
                 | Self::NoSuchView { .. }
                 | Self::UnequalSteps { .. }
+                | Self::UnknownWay { .. }
                 | Self::NeedsFeature { .. }
                 | Self::NoCameras { .. }
                 | Self::NoSize
+                | Self::NoTruth
                 | Self::SentOnce
         )
     }

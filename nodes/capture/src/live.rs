@@ -6,8 +6,8 @@
 //! camera ─► gray ─► feed ───────────┘                    └────► kept while under way, to be sent again
 //! ```
 
+mod bus;
 mod feed;
-mod frames;
 mod gray;
 #[cfg(feature = "gstreamer")]
 mod gstreamer;
@@ -35,17 +35,23 @@ pub(crate) enum Way {
     /// A Video4Linux device each.
     V4l,
     /// Another program that publishes them.
-    Frames,
+    Bus,
 }
 
 impl Way {
     /// The way that a source names, if it is one to cameras.
-    pub(crate) fn of(source: &str) -> Option<Self> {
-        match source {
-            "gstreamer" => Some(Self::GStreamer),
-            "v4l" => Some(Self::V4l),
-            "frames" => Some(Self::Frames),
-            _ => None,
+    ///
+    /// # Errors
+    /// When it is one that nobody knows.
+    pub(crate) fn of(source: &str) -> Result<Option<Self>, SourceError> {
+        match source.strip_prefix("camera:") {
+            None => Ok(None),
+            Some("gstreamer") => Ok(Some(Self::GStreamer)),
+            Some("v4l") => Ok(Some(Self::V4l)),
+            Some("bus") => Ok(Some(Self::Bus)),
+            Some(way) => Err(SourceError::UnknownWay {
+                way: way.to_owned(),
+            }),
         }
     }
 }
@@ -62,11 +68,14 @@ pub(crate) struct Known {
 
 /// Opens every camera for its first frame, and closes it.
 pub(crate) fn look(way: Way, settings: &Settings) -> Result<Known, SourceError> {
+    if settings.truth.is_some() {
+        return Err(SourceError::NoTruth);
+    }
     let cameras = cameras_of(way, settings)?;
     let rig = Rig::of_views(cameras.len(), &[], Size::default());
     let names = rig.views.into_iter().map(|view| view.name);
     let views: Vec<(String, String)> = names.zip(cameras).collect();
-    if way == Way::Frames {
+    if way == Way::Bus {
         let (Some(width), Some(height)) = (settings.width, settings.height) else {
             return Err(SourceError::NoSize);
         };
@@ -85,7 +94,7 @@ pub(crate) fn look(way: Way, settings: &Settings) -> Result<Known, SourceError> 
             camera: camera.clone(),
             why,
         };
-        let mut camera = opener(way, camera, settings)?().map_err(wrong)?;
+        let mut camera = opener(way, camera, settings, false)?().map_err(wrong)?;
         let size = first_size(camera.as_mut()).map_err(wrong)?;
         checked(size, &format!("what {name} sends"))?;
         notices.extend(camera.notice().map(|notice| format!("{name}: {notice}")));
@@ -112,7 +121,7 @@ pub(crate) fn look(way: Way, settings: &Settings) -> Result<Known, SourceError> 
 fn cameras_of(way: Way, settings: &Settings) -> Result<Vec<String>, SourceError> {
     let cameras = settings.cameras.clone();
     match (way, cameras.is_empty()) {
-        (Way::Frames, true) => Ok(vec!["another program".to_owned(); 3]),
+        (Way::Bus, true) => Ok(vec!["another program".to_owned(); 3]),
         (Way::GStreamer | Way::V4l, true) => Err(SourceError::NoCameras {
             source_name: settings.source.clone(),
             each: match way {
@@ -151,28 +160,35 @@ fn first_size(camera: &mut dyn Camera) -> Result<Size, String> {
     Err(format!("it sent no frame within {} s", FIRST.as_secs()))
 }
 
-/// What opens a camera, now and whenever it has vanished.
-fn opener(way: Way, camera: &str, settings: &Settings) -> Result<Open, SourceError> {
+/// What opens a camera, now and whenever it has vanished; a file is read `in_time`, or as fast as it goes.
+#[cfg_attr(
+    not(all(feature = "gstreamer", feature = "v4l")),
+    allow(unused_variables, reason = "each way needs its part")
+)]
+fn opener(way: Way, camera: &str, settings: &Settings, in_time: bool) -> Result<Open, SourceError> {
     let (camera, start_nanos) = (camera.to_owned(), settings.start.unwrap_or_default());
-    let missing = |packages| SourceError::NeedsFeature {
-        source_name: settings.source.clone(),
-        packages,
-    };
     match way {
         #[cfg(feature = "gstreamer")]
-        Way::GStreamer => Ok(Box::new(move || gstreamer::open(&camera, start_nanos))),
+        Way::GStreamer => Ok(Box::new(move || {
+            gstreamer::open(&camera, start_nanos, in_time)
+        })),
         #[cfg(not(feature = "gstreamer"))]
-        Way::GStreamer => {
-            let _: (String, u64) = (camera, start_nanos);
-            Err(missing(
-                " (with libgstreamer1.0-dev and libgstreamer-plugins-base1.0-dev installed)",
-            ))
-        }
+        Way::GStreamer => Err(SourceError::NeedsFeature {
+            feature: "gstreamer",
+            packages: ", with libgstreamer1.0-dev and libgstreamer-plugins-base1.0-dev installed",
+        }),
         #[cfg(feature = "v4l")]
-        Way::V4l => Ok(Box::new(move || v4l::open(&camera))),
+        Way::V4l => {
+            let size = settings.width.zip(settings.height);
+            let size = size.map(|(width, height)| Size::new(width, height));
+            Ok(Box::new(move || v4l::open(&camera, size)))
+        }
         #[cfg(not(feature = "v4l"))]
-        Way::V4l => Err(missing("")),
+        Way::V4l => Err(SourceError::NeedsFeature {
+            feature: "v4l",
+            packages: "",
+        }),
         // They are heard on the bus, which only a running node has.
-        Way::Frames => Err(SourceError::SentOnce),
+        Way::Bus => Err(SourceError::SentOnce),
     }
 }

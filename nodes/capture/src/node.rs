@@ -30,7 +30,7 @@ const IDLE: Duration = Duration::from_secs(1);
 /// When the bus fails or the source cannot be opened. A scan that cannot be read ends the source: what was admitted
 /// before comes out.
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), CaptureError> {
-    if let Some(way) = Way::of(&settings.source) {
+    if let Some(way) = Way::of(&settings.source)? {
         return live::node::run(bus, way, &settings, start);
     }
     let source = Source::open(&settings)?;

@@ -6,19 +6,19 @@ messages::settings! {
     /// Where scans come from and how many of them there are.
     pub struct Settings {
         /// `scene:tab`, `scene:jack`, `scene:screwdriver` (rendered), `scene:all` (the three in turn), or the path of a
-        /// folder: of one scene's images, or of such folders, one scan each; or cameras: `gstreamer`, `v4l`, or `frames`
-        /// that another program publishes.
+        /// folder: of one scene's images, or of such folders, one scan each; or cameras:
+        /// `camera:gstreamer`, `camera:v4l`, or `camera:bus`, which other programs publish.
         pub source: String = "scene:all".to_owned();
         /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps. Empty: all
         /// of exactly three, else the first triple that `scene.json` lists, else the first three.
         pub views: Vec<u32> = Vec::new(), in 0..=1000000;
-        /// What each view is seen by, left to right, where the source is cameras: of `gstreamer` a pipeline each, of `v4l`
-        /// a device each; `frames` take any names, and without them are three views.
+        /// What each view is seen by, left to right, where the source is cameras: for `camera:gstreamer` a pipeline
+        /// each, for `camera:v4l` a device each; for `camera:bus` any text, and without it there are three views.
         pub cameras: Vec<String> = Vec::new();
         /// How far in time, in milliseconds, a camera's frame may be from the reference camera's to be of its scan. Half
         /// the interval of 30 Hz: cameras that run freely at this rate always have a frame so near.
         pub tolerance: f64 = 17.0, in 0.0..=60000.0;
-        /// Columns of the `frames` that another program publishes.
+        /// Columns of the frames of `camera:bus`, which must be known before they come; `camera:v4l` is set to them.
         pub width: Option<u32> = None, in 32..=65535;
         /// Rows of them.
         pub height: Option<u32> = None, in 32..=65535;

@@ -60,7 +60,7 @@ impl Source {
     pub fn open(settings: &Settings) -> Result<Self, SourceError> {
         settings.check()?;
         #[cfg(feature = "node")]
-        if let Some(way) = live::Way::of(&settings.source) {
+        if let Some(way) = live::Way::of(&settings.source)? {
             return Self::cameras(live::look(way, settings)?, settings);
         }
         match settings.source.strip_prefix("scene:") {

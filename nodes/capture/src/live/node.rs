@@ -9,7 +9,7 @@ use messages::{Delivery, Header, Image, Kind, NONE};
 
 use super::feed::{Feed, Frame, News, Open};
 use super::kept::{Kept, Pace};
-use super::{Way, cameras_of, frames, opener};
+use super::{Way, cameras_of, opener};
 use crate::node::{CaptureError, Pause};
 use crate::synchronise::{Cause, Scan, Synchroniser};
 use crate::{Settings, SourceError};
@@ -151,8 +151,8 @@ impl Cameras {
         for (view, camera) in cameras_of(way, settings)?.iter().enumerate() {
             let name = &self.names[view];
             let open: Open = match way {
-                Way::Frames => frames::opener(bus.run().clone(), view),
-                _ => opener(way, camera, settings)?,
+                Way::Bus => super::bus::opener(bus.run().clone(), view),
+                _ => opener(way, camera, settings, self.is_live)?,
             };
             let (run, node) = (bus.run().clone(), bus.name().to_owned());
             let ring = move || {
@@ -162,7 +162,7 @@ impl Cameras {
             let feed = Feed::start(name, open, !self.is_live, ring);
             self.feeds.push(feed.map_err(SourceError::Thread)?);
         }
-        if way == Way::Frames {
+        if way == Way::Bus {
             let (size, views) = (bus.run().rig.size, self.names.join(", "));
             let text = format!(
                 "waiting for frames of {views}, {size}: publish them to {}",
@@ -329,6 +329,8 @@ impl Cameras {
 struct Watch {
     next: Instant,
     last: Instant,
+    /// How many frames had come, and since when.
+    received: (u64, Instant),
     said: Option<String>,
 }
 
@@ -337,6 +339,7 @@ impl Watch {
         Self {
             next: Instant::now() + LOOK_EVERY,
             last: Instant::now(),
+            received: (0, Instant::now()),
             said: None,
         }
     }
@@ -356,7 +359,16 @@ impl Watch {
             self.last = now;
         }
         let silent = now - self.last;
-        let why = (silent >= PATIENCE).then(|| cameras.synchroniser.why(&cameras.names));
+        let account = cameras.account();
+        let received = account.cameras.iter().map(|camera| camera.received).sum();
+        if received != self.received.0 {
+            self.received = (received, now);
+        }
+        let is_quiet = received > 0 && now - self.received.1 >= PATIENCE;
+        let why = (silent >= PATIENCE).then(|| match is_quiet {
+            true => "no camera sends anything any more".to_owned(),
+            false => cameras.synchroniser.why(&cameras.names),
+        });
         match (&why, &self.said) {
             (Some(why), None) => {
                 let seconds = silent.as_secs_f64();
@@ -366,9 +378,6 @@ impl Watch {
             _ => {}
         }
         self.said.clone_from(&why);
-        bus.synchronised(Synchronisation {
-            why,
-            ..cameras.account()
-        });
+        bus.synchronised(Synchronisation { why, ..account });
     }
 }
