@@ -1,6 +1,6 @@
 //! Cameras: frames that come when they like, from a program of another's making and, with the feature `gstreamer`, from
 //! pipelines.
-#![expect(clippy::unwrap_used, reason = "tests")]
+#![expect(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
 mod harness;
 
@@ -20,11 +20,8 @@ fn publisher(run: &PathBuf) -> Child {
         .parent()
         .unwrap()
         .join("examples/publish");
-    Command::new(program)
-        .arg(run)
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap()
+    let publisher = Command::new(program).arg(run).stdout(Stdio::null()).spawn();
+    publisher.expect("built before: cargo build --example publish")
 }
 
 /// The folder of the one graph that runs in this world, when it waits for frames.
@@ -103,7 +100,7 @@ fn a_killed_capture_loses_no_scan_that_was_let_in_and_counts_those_that_went_by(
     let run = world.start(&BUS);
     let mut publisher = publisher(&folder(&world));
     wait_until("scans are recorded", || {
-        bytes_of(&world.path("x.mcap")) > 1_000_000
+        bytes_of(&world.path("x.mcap")) > 10_000_000
     });
     let capture = |(name, _): &(String, u32)| name == "capture";
     let (_, killed) = world.nodes().into_iter().find(capture).unwrap();
@@ -116,7 +113,7 @@ fn a_killed_capture_loses_no_scan_that_was_let_in_and_counts_those_that_went_by(
     });
     let so_far = bytes_of(&world.path("x.mcap"));
     wait_until("scans are recorded again", || {
-        bytes_of(&world.path("x.mcap")) > so_far + 1_000_000
+        bytes_of(&world.path("x.mcap")) > so_far + 10_000_000
     });
     signal(run.id(), "INT");
     let ran = Ran::new(run.wait_with_output().unwrap()).done();
@@ -143,7 +140,7 @@ fn cameras_without_what_they_need_are_refused_with_a_sentence() {
             &[
                 "run",
                 "--source",
-                "gstreamer",
+                "camera:gstreamer",
                 "--set",
                 "capture.cameras=['a','b','c']",
             ],
@@ -154,7 +151,7 @@ fn cameras_without_what_they_need_are_refused_with_a_sentence() {
             &[
                 "run",
                 "--source",
-                "v4l",
+                "camera:v4l",
                 "--set",
                 "capture.cameras=['a','b','c']",
             ],
@@ -187,7 +184,7 @@ mod gstreamer {
             .run(&[
                 "run",
                 "--source",
-                "gstreamer",
+                "camera:gstreamer",
                 "--set",
                 SHAKY,
                 "--delivery",
