@@ -208,7 +208,7 @@ struct Book {
     /// Whether it takes the place of one that died.
     is_successor: bool,
     meter: Meter,
-    synchronisation: Option<Synchronisation>,
+    synchronisation: Option<Box<Synchronisation>>,
     /// When the node was handed its last message or published its last one.
     mark: Option<Instant>,
 }
@@ -681,7 +681,7 @@ impl Bus {
 
     /// What came of the cameras' frames so far: it goes into this node's reports.
     pub fn synchronised(&self, account: Synchronisation) {
-        self.book.borrow_mut().synchronisation = Some(account);
+        self.book.borrow_mut().synchronisation = Some(Box::new(account));
     }
 
     /// Tells the launcher how far the scans have come; for the node at the door.

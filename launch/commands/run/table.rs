@@ -31,7 +31,7 @@ pub(crate) struct Summary {
     nodes: Vec<NodeSummary>,
     /// What came of the cameras' frames.
     #[serde(skip_serializing_if = "Option::is_none")]
-    synchronisation: Option<Synchronisation>,
+    synchronisation: Option<Box<Synchronisation>>,
     ledger: Ledger,
     balanced: bool,
     outcome: Outcome,

@@ -153,7 +153,7 @@ pub struct NodeReport {
     pub life: u32,
     /// What came of the cameras' frames; of the node that takes them in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub synchronisation: Option<Synchronisation>,
+    pub synchronisation: Option<Box<Synchronisation>>,
     /// Why it could not do all of its work.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,

@@ -10,7 +10,7 @@ use crate::synchronisation::Synchronisation;
 #[derive(Debug)]
 pub struct Doctor {
     health: Health,
-    synchronisation: Option<Synchronisation>,
+    synchronisation: Option<Box<Synchronisation>>,
     /// When it was said last, and how many scans were done then.
     last: (Instant, u64),
 }
@@ -64,7 +64,7 @@ impl Doctor {
 
     /// What came of the cameras' frames, where the source is cameras.
     pub fn synchronisation(&self) -> Option<&Synchronisation> {
-        self.synchronisation.as_ref()
+        self.synchronisation.as_deref()
     }
 
     /// How the graph is, now.
