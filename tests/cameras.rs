@@ -206,6 +206,6 @@ mod gstreamer {
         let topic = topics
             .iter()
             .find(|topic| topic["topic"] == "synchronisation");
-        assert!(topic.unwrap()["messages"].as_u64() >= Some(2), "{info}");
+        assert!(topic.unwrap()["count"].as_u64() >= Some(2), "{info}");
     }
 }
