@@ -408,7 +408,7 @@ mod tests {
             (OFF, 0x4004_5613),
         ];
         for (ours, kernels) in numbers {
-            assert_eq!(ours as u32, kernels);
+            assert_eq!(ours, kernels);
         }
         assert_eq!(std::mem::offset_of!(Buffer, seconds), 24);
         assert_eq!(std::mem::offset_of!(Buffer, place), 64);
