@@ -190,6 +190,13 @@ impl Graph {
         source.map_or(&Value::Null, |(_, settings)| settings)
     }
 
+    /// Whether scans come from cameras.
+    pub(crate) fn has_cameras(&self) -> bool {
+        let source = self.settings_of("capture").get("source");
+        let source = source.and_then(Value::as_str);
+        source.is_some_and(|source| source.starts_with("camera:"))
+    }
+
     pub(crate) fn has(&self, name: &str) -> bool {
         self.nodes.iter().any(|(node, _)| node.name == name)
     }

@@ -70,6 +70,7 @@ pub(crate) fn launch_before(
         prefix: dir.prefix().to_owned(),
         rig,
         delivery: graph.settings.delivery,
+        cameras: graph.has_cameras(),
         in_flight: in_flight.and_then(Value::as_u64).unwrap_or(1) as usize,
         nodes: graph.node_plans(),
     };

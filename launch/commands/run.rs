@@ -79,8 +79,8 @@ pub(super) fn plan(
     let recording = recording(&mut graph)?;
     // A live run drops scans, and then numbers no longer tell which of the source's they are.
     let named = match graph.settings.delivery {
-        Delivery::Lossless => source.scans().min(NAMES),
-        Delivery::Live => 0,
+        Delivery::Lossless if !source.is_cameras() => source.scans().min(NAMES),
+        _ => 0,
     };
     let scans = (0..named).map(|scan| source.name(scan)).collect();
     Ok(Planned {

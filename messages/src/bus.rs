@@ -17,6 +17,7 @@
 mod ask;
 mod control;
 mod doctor;
+mod frames;
 mod gate;
 mod guest;
 mod inputs;
@@ -41,6 +42,7 @@ use crate::header::Header;
 use crate::ledger::{Account, Ledger, Seen};
 use crate::payload::AnyView;
 use crate::rig::{Delivery, Rig};
+use crate::synchronisation::Synchronisation;
 use crate::topic::{Kind, Topic};
 
 pub use ask::{
@@ -49,6 +51,7 @@ pub use ask::{
 };
 pub use control::{Command, Event, Level, Log, NodeReport, Play, Playing, Progress};
 pub use doctor::Doctor;
+pub use frames::{FrameIn, FramesIn, FramesOut};
 pub use gate::Gate;
 pub use guest::{Guest, Hearer, LOOK_EVERY, Reports};
 pub use inputs::{Inputs, Joined, Joins, Received};
@@ -82,6 +85,9 @@ pub struct Run {
     pub rig: Rig,
     /// What happens to a scan that finds the door closed.
     pub delivery: Delivery,
+    /// Whether scans come from cameras, of whose frames there is an account.
+    #[serde(default)]
+    pub cameras: bool,
     /// How many scans may be under way.
     pub in_flight: usize,
     /// All nodes, in the order of the pipe.
@@ -202,6 +208,7 @@ struct Book {
     /// Whether it takes the place of one that died.
     is_successor: bool,
     meter: Meter,
+    synchronisation: Option<Box<Synchronisation>>,
     /// When the node was handed its last message or published its last one.
     mark: Option<Instant>,
 }
@@ -643,6 +650,7 @@ impl Bus {
             done: book.done.as_ref().map(Seen::count),
             bytes: book.bytes,
             seconds: self.began.elapsed().as_secs_f64(),
+            synchronisation: book.synchronisation.clone(),
             failed: None,
             life: self.life,
         }
@@ -669,6 +677,11 @@ impl Bus {
     fn tell(&self, event: &Event) {
         self.reports.send(event);
         control::say(event);
+    }
+
+    /// What came of the cameras' frames so far: it goes into this node's reports.
+    pub fn synchronised(&self, account: Synchronisation) {
+        self.book.borrow_mut().synchronisation = Some(Box::new(account));
     }
 
     /// Tells the launcher how far the scans have come; for the node at the door.

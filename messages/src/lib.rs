@@ -29,6 +29,7 @@ pub mod record;
 pub mod recording;
 pub mod rig;
 pub mod settings;
+pub mod synchronisation;
 pub mod topic;
 
 pub use calibration::Calibration;

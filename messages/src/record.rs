@@ -56,6 +56,8 @@ pub enum Content {
     Ledger,
     /// The [`Health`](crate::health::Health) of the running graph.
     Health,
+    /// The [`Synchronisation`](crate::synchronisation::Synchronisation) of cameras.
+    Synchronisation,
     /// What the nodes have to say.
     Log,
 }
@@ -67,6 +69,8 @@ pub struct Shown {
     pub views: bool,
     /// Curves that were not matched, over each image.
     pub rejected: bool,
+    /// What came of the frames of cameras.
+    pub cameras: bool,
 }
 
 impl Shown {
@@ -74,6 +78,7 @@ impl Shown {
     pub const ALL: Self = Self {
         views: true,
         rejected: true,
+        cameras: true,
     };
 }
 
@@ -225,6 +230,13 @@ impl Codec {
             Content::Health,
             Schema::health(),
         ));
+        if shown.cameras {
+            all.push(channel(
+                "synchronisation".to_owned(),
+                Content::Synchronisation,
+                Schema::synchronisation(),
+            ));
+        }
         all.push(channel("log".to_owned(), Content::Log, Schema::log()));
         all.extend(Topic::all(&self.rig).into_iter().map(|topic| {
             channel(

@@ -1104,10 +1104,12 @@ fn channels_have_names_of_their_own_and_all_data_topics_are_there() {
     let views = Shown {
         views: true,
         rejected: false,
+        cameras: false,
     };
     let rejected = Shown {
         views: false,
         rejected: true,
+        cameras: false,
     };
     for what in ["annotations", "rejected", "disparity/picture"] {
         assert!(none_of(Shown::default(), what) && !none_of(Shown::ALL, what));

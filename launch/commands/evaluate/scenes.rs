@@ -173,6 +173,9 @@ fn parts(graph: &Graph, spec: &str) -> Vec<String> {
 fn open(graph: &Graph, spec: &str) -> Result<Source, Failure> {
     let mut settings = graph.settings_of("capture").clone();
     settings["source"] = spec.into();
+    if spec.starts_with("camera:") {
+        return Err(Failure::usage(capture::SourceError::SentOnce));
+    }
     let settings = serde_json::from_value(settings).map_err(Failure::usage)?;
     let source = Source::open(&settings).map_err(|error| match error.is_wrong_use() {
         true => Failure::usage(error),

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use messages::bus::{NodeReport, Percentiles};
 use messages::ledger::Ledger;
+use messages::synchronisation::Synchronisation;
 use serde::Serialize;
 
 use crate::Outcome;
@@ -28,6 +29,9 @@ pub(crate) struct Summary {
     seconds: f64,
     triples_per_second: f64,
     nodes: Vec<NodeSummary>,
+    /// What came of the cameras' frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    synchronisation: Option<Box<Synchronisation>>,
     ledger: Ledger,
     balanced: bool,
     outcome: Outcome,
@@ -62,6 +66,7 @@ impl Summary {
                 0.0
             },
             nodes: nodes.collect(),
+            synchronisation: ran.reports.iter().find_map(|r| r.synchronisation.clone()),
             balanced: ran.ledger.is_balanced(),
             ledger: ran.ledger.clone(),
             outcome: ran.outcome,
@@ -128,6 +133,9 @@ impl fmt::Display for Summary {
                 _ => write!(f, "{:<10} {p50:>9.2} {p99:>9.2}", node.node)?,
             }
             writeln!(f, "   {}", notes.join(", "))?;
+        }
+        if let Some(cameras) = &self.synchronisation {
+            write!(f, "\n{cameras}")?;
         }
         let Ledger {
             admitted,

@@ -11,6 +11,7 @@ use super::meter::Percentiles;
 use super::{Bell, BusError, Run};
 use crate::change::Change;
 use crate::ledger::{Account, Ledger};
+use crate::synchronisation::Synchronisation;
 
 /// What the launcher tells a node.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -153,6 +154,9 @@ pub struct NodeReport {
     /// How many times it was started before in this run.
     #[serde(default)]
     pub life: u32,
+    /// What came of the cameras' frames; of the node that takes them in.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub synchronisation: Option<Box<Synchronisation>>,
     /// Why it could not do all of its work.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,

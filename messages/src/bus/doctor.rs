@@ -4,11 +4,13 @@ use std::time::Instant;
 
 use super::{Event, NodeReport, Progress};
 use crate::health::{Health, NodeHealth};
+use crate::synchronisation::Synchronisation;
 
 /// Listens to reports and says how the graph is.
 #[derive(Debug)]
 pub struct Doctor {
     health: Health,
+    synchronisation: Option<Box<Synchronisation>>,
     /// When it was said last, and how many scans were done then.
     last: (Instant, u64),
 }
@@ -17,6 +19,7 @@ impl Default for Doctor {
     fn default() -> Self {
         Self {
             health: Health::default(),
+            synchronisation: None,
             last: (Instant::now(), 0),
         }
     }
@@ -47,6 +50,9 @@ impl Doctor {
     }
 
     fn take(&mut self, report: &NodeReport, state: &str) {
+        if report.synchronisation.is_some() {
+            self.synchronisation.clone_from(&report.synchronisation);
+        }
         let node = NodeHealth {
             state: state.to_owned(),
             restarts: report.life,
@@ -54,6 +60,11 @@ impl Doctor {
             p99: report.milliseconds.p99,
         };
         self.health.nodes.insert(report.node.clone(), node);
+    }
+
+    /// What came of the cameras' frames, where the source is cameras.
+    pub fn synchronisation(&self) -> Option<&Synchronisation> {
+        self.synchronisation.as_deref()
     }
 
     /// How the graph is, now.

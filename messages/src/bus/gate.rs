@@ -56,6 +56,12 @@ impl Gate {
         self.tell(bus);
     }
 
+    /// Turns so many of the source's next scans away, whole.
+    pub fn refuse_scans(&mut self, bus: &Bus, cause: &str, count: u64) {
+        (0..count).for_each(|_| self.door.refuse(cause));
+        self.tell(bus);
+    }
+
     /// Lets the scans out that are done.
     ///
     /// # Errors

@@ -21,7 +21,7 @@ use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::{BusError, NodePlan, Run};
-use crate::header::Header;
+use crate::header::{Header, Size};
 use crate::payload::{ALIGNMENT, AnyView};
 use crate::topic::Topic;
 
@@ -49,6 +49,9 @@ pub(super) type DataSubscriber = Subscriber<ipc::Service, [u64], Head>;
 pub(super) type DataSample = Sample<ipc::Service, [u64], Head>;
 pub(super) type TextSubscriber = Subscriber<ipc::Service, [u8], Head>;
 pub(super) type LoanedSample = SampleMut<ipc::Service, [u64], Head>;
+pub(super) type FramesPublisher = Publisher<ipc::Service, [u8], Head>;
+pub(super) type FramesSubscriber = Subscriber<ipc::Service, [u8], Head>;
+pub(super) type FrameSample = Sample<ipc::Service, [u8], Head>;
 type TextPublisher = Publisher<ipc::Service, [u8], Head>;
 type DataService = PortFactory<ipc::Service, [u64], Head>;
 
@@ -60,6 +63,8 @@ const DEAD: usize = 1;
 const REPORT_BYTES: usize = 256 * 1024;
 /// Reports a slow reader may lag behind.
 const REPORTS: usize = 256;
+/// Frames from outside that wait to be taken in.
+const FRAMES: usize = 8;
 
 /// Makes the ports of one process in one run.
 pub(super) struct Ports {
@@ -187,6 +192,25 @@ impl Ports {
         .map_err(|e| BusError::port("hear reports", e))
     }
 
+    /// Where a program from outside publishes the frames of a view.
+    pub(super) fn frames_out(&self, view: &str, size: Size) -> Result<FramesPublisher, BusError> {
+        let name = format!("frames/{view}");
+        service!(self.node, &name, u8, publishers 1, subscribers 1, buffer FRAMES, overflow true)?
+            .publisher_builder()
+            .initial_max_slice_len(size.pixels())
+            .max_loaned_samples(1)
+            .create()
+            .map_err(|e| BusError::port(format!("publish {name}"), e))
+    }
+
+    pub(super) fn frames_in(&self, view: &str) -> Result<FramesSubscriber, BusError> {
+        let name = format!("frames/{view}");
+        service!(self.node, &name, u8, publishers 1, subscribers 1, buffer FRAMES, overflow true)?
+            .subscriber_builder()
+            .create()
+            .map_err(|e| BusError::port(format!("hear {name}"), e))
+    }
+
     pub(super) fn inbox(&self, name: &str) -> Result<Listener<ipc::Service>, BusError> {
         inbox_service(&self.node, name)?
             .listener_builder()
@@ -312,6 +336,25 @@ pub(super) fn send_words(
     let mut sample = loan(publisher, words.len())?;
     sample.payload_mut().copy_from_slice(words);
     send(sample, header)
+}
+
+/// Sends a frame that is written in place.
+pub(super) fn frame(
+    publisher: &FramesPublisher,
+    header: &Header,
+    fill: impl FnOnce(&mut [u8]),
+) -> Result<(), BusError> {
+    let loan = publisher
+        .loan_slice_uninit(header.size().pixels())
+        .map_err(|e| BusError::port("loan shared memory", e))?;
+    // SAFETY: every bit pattern is a u8, and the memory is mapped: zero pages of a new segment or an older frame.
+    let mut sample = unsafe { loan.assume_init() };
+    fill(sample.payload_mut());
+    *sample.user_header_mut() = Head::of(header);
+    sample
+        .send()
+        .map_err(|e| BusError::port("send a frame", e))?;
+    Ok(())
 }
 
 /// The next message.

@@ -5,6 +5,7 @@ use crate::header::{Header, NONE};
 use crate::health::Health;
 use crate::ledger::Ledger;
 use crate::payload::AnyView;
+use crate::synchronisation::Synchronisation;
 use crate::topic::{Kind, Topic};
 
 /// Takes the encoded messages of one scan after the other.
@@ -199,7 +200,11 @@ impl Encoder {
                         });
                     }
                 }
-                Content::Statistics | Content::Ledger | Content::Health | Content::Log => {}
+                Content::Statistics
+                | Content::Ledger
+                | Content::Health
+                | Content::Synchronisation
+                | Content::Log => {}
             }
         }
         let views = codec.rig().views.len() as u64;
@@ -227,6 +232,13 @@ impl Encoder {
     /// Adds how the graph is doing.
     pub fn health(&self, health: &Health, sink: &mut impl Sink) {
         self.add_json(&Content::Health, health, sink);
+    }
+
+    /// Adds what came of the cameras' frames, where the source is cameras.
+    pub fn synchronisation(&self, account: Option<&Synchronisation>, sink: &mut impl Sink) {
+        if let Some(account) = account {
+            self.add_json(&Content::Synchronisation, account, sink);
+        }
     }
 
     fn index(&self, content: &Content) -> Option<usize> {

@@ -114,6 +114,24 @@ impl Schema {
         Self::json("tricurve.Health", &properties)
     }
 
+    /// The JSON schema of [`Synchronisation`](crate::synchronisation::Synchronisation).
+    pub fn synchronisation() -> Self {
+        let (number, count) = (json!({ "type": "number" }), json!({ "type": "integer" }));
+        let text = json!({ "type": "string" });
+        let many = |items: &serde_json::Value| json!({ "type": "array", "items": items });
+        let camera = json!({ "type": "object", "properties": {
+            "name": text, "received": count, "matched": count, "late": count,
+            "dropped": { "type": "object", "additionalProperties": count },
+            "waiting": count, "lost": count, "returns": count,
+            "offsets": many(&count), "median_ms": number,
+        } });
+        let properties = json!({
+            "scans": count, "tolerance_ms": number, "tolerance_for_99_ms": number,
+            "bounds_ms": many(&number), "reference": text, "cameras": many(&camera), "why": text,
+        });
+        Self::json("tricurve.Synchronisation", &properties)
+    }
+
     /// The JSON schema of [`Ledger`](crate::ledger::Ledger).
     pub fn ledger() -> Self {
         let count = json!({ "type": "integer" });
@@ -402,7 +420,11 @@ mod tests {
 
     #[test]
     fn json_schemas_are_objects_with_properties() {
-        for schema in [Schema::statistics(), Schema::ledger()] {
+        for schema in [
+            Schema::statistics(),
+            Schema::ledger(),
+            Schema::synchronisation(),
+        ] {
             let value: serde_json::Value = serde_json::from_slice(&schema.data).unwrap();
             assert_eq!(value["type"], "object");
             assert!(value["properties"].is_object());

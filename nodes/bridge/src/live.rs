@@ -159,7 +159,7 @@ fn needs(content: &Content, made: &[Kind]) -> Vec<Kind> {
         Content::Statistics => made.to_vec(),
         // They are said with every scan, whatever it holds.
         Content::Transforms | Content::Calibration(_) => made.iter().take(1).copied().collect(),
-        Content::Ledger | Content::Health | Content::Log => vec![],
+        Content::Ledger | Content::Health | Content::Synchronisation | Content::Log => vec![],
     };
     kinds.retain(|kind| made.contains(kind));
     kinds
@@ -209,7 +209,11 @@ impl<'a> Viewing<'a> {
             how,
         } = *live;
         let codec = Codec::new(run.rig.clone(), reference);
-        let channels = codec.channels_of(Shown::ALL, &run.kinds());
+        let shown = Shown {
+            cameras: run.cameras,
+            ..Shown::ALL
+        };
+        let channels = codec.channels_of(shown, &run.kinds());
         // What is offered depends on how the source plays.
         let state = state_of(run, &Ask::Source).unwrap_or_default();
         let offered = |channel: &Channel| Offered {
@@ -457,6 +461,8 @@ impl<'a> Viewing<'a> {
         self.encoder.ledger(&self.ledger, &mut self.out);
         self.encoder
             .health(self.health.say(Instant::now()), &mut self.out);
+        let cameras = self.health.synchronisation();
+        self.encoder.synchronisation(cameras, &mut self.out);
         let Some(state) = state_of(self.run, &Ask::State) else {
             return;
         };

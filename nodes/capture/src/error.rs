@@ -256,6 +256,12 @@ pub enum SourceError {
         frames: usize,
     },
 
+    /// A live camera along a rail.
+    #[error(
+        "a live camera cannot be matched along a rail: nobody says where it takes its frames; write them into a folder, and where they were taken into capture.positions"
+    )]
+    LiveRail,
+
     /// Several scenes where a camera passes one.
     #[error("a rail passes one scene, and {scene} is {count}; choose one of them")]
     OneScene {
@@ -264,6 +270,78 @@ pub enum SourceError {
         /// How many scenes there are.
         count: usize,
     },
+
+    /// A way to cameras that nobody knows.
+    #[error("there is no camera:{way}; cameras are camera:gstreamer, camera:v4l or camera:bus")]
+    UnknownWay {
+        /// What was asked for.
+        way: String,
+    },
+
+    /// A way to cameras that this build does not have.
+    #[error(
+        "this build reads no camera:{feature}; build it with `cargo install --path . --features {feature}`{packages}"
+    )]
+    NeedsFeature {
+        /// The feature.
+        feature: &'static str,
+        /// What else is needed.
+        packages: &'static str,
+    },
+
+    /// Cameras, but not which.
+    #[error(
+        "the source {source_name} needs to know its cameras, left to right: set capture.cameras to {each} for each view"
+    )]
+    NoCameras {
+        /// The source.
+        source_name: String,
+        /// What is expected of each.
+        each: &'static str,
+    },
+
+    /// Frames of another program, but not their size.
+    #[error(
+        "the size of frames that another program publishes must be known beforehand: set capture.width and capture.height"
+    )]
+    NoSize,
+
+    /// A camera that cannot be opened or sends nothing of use.
+    #[error("the camera {name} ({camera}): {why}")]
+    Camera {
+        /// The view.
+        name: String,
+        /// Its pipeline or device.
+        camera: String,
+        /// What is wrong, in its own words.
+        why: String,
+    },
+
+    /// Frames too small or too large.
+    #[error(
+        "{what} must be of at least {LEAST_SIDE}x{LEAST_SIDE} pixels and at most {} megapixels, not {size}",
+        MOST_PIXELS / 1_000_000
+    )]
+    CameraSize {
+        /// What has the size.
+        what: String,
+        /// The size.
+        size: Size,
+    },
+
+    /// A truth asked of cameras.
+    #[error("cameras know no true disparities: leave capture.truth out")]
+    NoTruth,
+
+    /// Cameras where a source is wanted that can be read again.
+    #[error(
+        "cameras send each frame once: run them with `tricurve run`, and give here a folder or a rendered scene"
+    )]
+    SentOnce,
+
+    /// The system gives no thread.
+    #[error("cannot start a camera's thread: {0}")]
+    Thread(io::Error),
 
     /// A camera_info file that cannot be used.
     #[error("{} gives no calibration: {why}", path.display())]
@@ -288,6 +366,13 @@ impl SourceError {
                 | Self::UnequalSteps { .. }
                 | Self::Stride { .. }
                 | Self::OneScene { .. }
+                | Self::LiveRail
+                | Self::UnknownWay { .. }
+                | Self::NeedsFeature { .. }
+                | Self::NoCameras { .. }
+                | Self::NoSize
+                | Self::NoTruth
+                | Self::SentOnce
         )
     }
 

@@ -4,6 +4,8 @@
 //! rendered scenes ─┐
 //! a scene's folder ─┼─► Source ─► scan n, view v: size and pixels (and, where it is known, the truth)
 //! folders of them ─┘       └────► calibration, names, notices
+//!
+//! cameras ─► Synchroniser ─► scans, as they come
 //! ```
 //!
 //! A [`Source`] is opened once, which checks all that can be known before the start: every head of every image, sizes,
@@ -17,6 +19,8 @@ mod description;
 mod error;
 mod folder;
 mod image_file;
+#[cfg(feature = "node")]
+mod live;
 mod middlebury;
 mod motion;
 #[cfg(feature = "node")]
@@ -28,6 +32,7 @@ mod scene;
 mod sensor;
 mod settings;
 mod source;
+pub mod synchronise;
 mod truth;
 
 pub use calibration::{Camera, Lens};

@@ -7,6 +7,7 @@ use messages::bus::{Bus, BusError, Filled, Gate, Loan, Outputs, Play, Playing, R
 use messages::door::UnderWay;
 use messages::{Delivery, Header, Image, NONE, Rig};
 
+use crate::live::{self, Way};
 use crate::{Settings, Source, SourceError};
 
 /// Why capture failed.
@@ -29,6 +30,9 @@ const IDLE: Duration = Duration::from_secs(1);
 /// When the bus fails or the source cannot be opened. A scan that cannot be read ends the source: what was admitted
 /// before comes out.
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), CaptureError> {
+    if let Some(way) = Way::of(&settings.source)? {
+        return live::node::run(bus, way, &settings, start);
+    }
     let source = Source::open(&settings)?;
     let total = source.scans();
     let mut capture = Capture {
@@ -111,24 +115,24 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
 
 /// Whether scans go out.
 #[derive(Debug, Default)]
-struct Pause {
+pub(crate) struct Pause {
     since: Option<Instant>,
     /// Scans to let out although it is paused.
     steps: u32,
 }
 
 impl Pause {
-    fn lets_go(&self) -> bool {
+    pub(crate) fn lets_go(&self) -> bool {
         self.since.is_none() || self.steps > 0
     }
 
     /// A scan went out.
-    fn went(&mut self) {
+    pub(crate) fn went(&mut self) {
         self.steps = self.steps.saturating_sub(1);
     }
 
     /// Pauses or goes on; gives how long it was paused.
-    fn play(&mut self, play: Play, now: Instant) -> Duration {
+    pub(crate) fn play(&mut self, play: Play, now: Instant) -> Duration {
         let since = self.since;
         match play {
             Play::Pause => self.since = since.is_none().then_some(now),
@@ -146,7 +150,7 @@ impl Pause {
         }
     }
 
-    fn playing(&self) -> Playing {
+    pub(crate) fn playing(&self) -> Playing {
         Playing {
             is_paused: self.since.is_some(),
             ..Playing::default()

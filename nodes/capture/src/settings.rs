@@ -18,7 +18,8 @@ messages::settings! {
     /// Where scans come from and how many of them there are.
     pub struct Settings {
         /// `scene:tab`, `scene:jack`, `scene:screwdriver` (rendered), `scene:all` (the three in turn), or the path of a
-        /// folder: of one scene's images, or of such folders, one scan each.
+        /// folder: of one scene's images, or of such folders, one scan each; or cameras:
+        /// `camera:gstreamer`, `camera:v4l`, or `camera:bus`, which other programs publish.
         pub source: String = "scene:all".to_owned();
         /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps. Empty: all
         /// of exactly three, else the first triple that `scene.json` lists, else the first three.
@@ -35,6 +36,16 @@ messages::settings! {
         /// Rail: rows by which the picture lies lower a baseline further to the right, which is made good; by default it
         /// is measured.
         pub drift: Option<f64> = None, in -16.0..=16.0;
+        /// What each view is seen by, left to right, where the source is cameras: for `camera:gstreamer` a pipeline
+        /// each, for `camera:v4l` a device each; for `camera:bus` any text, and without it there are three views.
+        pub cameras: Vec<String> = Vec::new();
+        /// How far in time, in milliseconds, a camera's frame may be from the reference camera's to be of its scan. Half
+        /// the interval of 30 Hz: cameras that run freely at this rate always have a frame so near.
+        pub tolerance: f64 = 17.0, in 0.0..=60000.0;
+        /// Columns of the frames of `camera:bus`, which must be known before they come; `camera:v4l` is set to them.
+        pub width: Option<u32> = None, in 32..=65535;
+        /// Rows of them.
+        pub height: Option<u32> = None, in 32..=65535;
         /// How many scans; a source with fewer begins again. By default a folder is read once and a rendered scene
         /// gives 30 scans: one or two seconds of work, enough for steady figures.
         pub scans: Option<u64> = None, in 1..=1e15;

@@ -11,6 +11,8 @@ use crate::camera_info::{self, Known};
 use crate::error::SourceError;
 use crate::folder::{self, Album, Choice, Why};
 use crate::image_file;
+#[cfg(feature = "node")]
+use crate::live;
 use crate::rail::{Passed, Rail};
 use crate::rectify::Rectifier;
 use crate::scene::{self, Object, Rendered};
@@ -43,6 +45,8 @@ enum Kind {
         albums: Vec<Album>,
         kept: Kept,
     },
+    #[cfg(feature = "node")]
+    Cameras(live::Known),
 }
 
 /// A chosen view of a scan.
@@ -61,6 +65,10 @@ impl Source {
     /// What is wrong with the source or the settings, in one sentence.
     pub fn open(settings: &Settings) -> Result<Self, SourceError> {
         settings.check()?;
+        #[cfg(feature = "node")]
+        if let Some(way) = live::Way::of(&settings.source)? {
+            return Self::cameras(live::look(way, settings)?, settings);
+        }
         match settings.source.strip_prefix("scene:") {
             Some(name) => Self::rendered(name, settings),
             None => Self::folders(Path::new(&settings.source), settings),
@@ -147,6 +155,36 @@ impl Source {
         })
     }
 
+    #[cfg(feature = "node")]
+    fn cameras(known: live::Known, settings: &Settings) -> Result<Self, SourceError> {
+        if settings.mode == Mode::Rail {
+            return Err(SourceError::LiveRail);
+        }
+        Rectifier::refuse(
+            settings,
+            "frames of cameras are not rectified while they come; give their camera_info and rectified frames",
+        )?;
+        let (calibration, warnings) = calibration(settings, Known::default(), &[known.size])?;
+        Ok(Self {
+            scans: settings.scans.unwrap_or(u64::MAX),
+            calibration,
+            notices: known.notices.clone(),
+            warnings,
+            kind: Kind::Cameras(known),
+            rail: None,
+            rectifier: None,
+        })
+    }
+
+    /// Whether it sends each frame once, when it likes: then it cannot be read, only run.
+    pub fn is_cameras(&self) -> bool {
+        match &self.kind {
+            Kind::Rendered { .. } | Kind::Folders { .. } => false,
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => true,
+        }
+    }
+
     fn folders(path: &Path, settings: &Settings) -> Result<Self, SourceError> {
         folder::check(path, settings::nearest(&settings.source, known_scenes()))?;
         let albums = folder::open(path, &settings.views, settings.mode)?;
@@ -231,6 +269,8 @@ impl Source {
             (Some(rail), _) => (0, rail.frame(scan).0),
             (None, Kind::Rendered { scenes, .. }) => (turn(scan, scenes), view),
             (None, Kind::Folders { albums, .. }) => (turn(scan, albums), view),
+            #[cfg(feature = "node")]
+            (None, Kind::Cameras(_)) => (0, view),
         }
     }
 
@@ -267,6 +307,16 @@ impl Source {
                     position_steps: shot.position,
                 })
                 .collect(),
+            #[cfg(feature = "node")]
+            Kind::Cameras(known) => known
+                .views
+                .iter()
+                .enumerate()
+                .map(|(step, (_, camera))| Place {
+                    name: camera.clone(),
+                    position_steps: step as f64,
+                })
+                .collect(),
         }
     }
 
@@ -278,6 +328,8 @@ impl Source {
             (Kind::Rendered { scenes, .. }, Some(_)) => {
                 format!("{} from position {frame}", scenes[scene].object.name())
             }
+            #[cfg(feature = "node")]
+            (Kind::Cameras(_), _) => "cameras".to_owned(),
             (Kind::Folders { albums, .. }, None) => albums[scene].name.clone(),
             (Kind::Folders { albums, .. }, Some(_)) => {
                 folder::name(&albums[scene].shots[frame].path)
@@ -290,6 +342,8 @@ impl Source {
         match &self.kind {
             Kind::Rendered { .. } => scene::SIZE,
             Kind::Folders { albums, .. } => albums[self.place(scan, 0).0].size,
+            #[cfg(feature = "node")]
+            Kind::Cameras(known) => known.size,
         }
     }
 
@@ -300,6 +354,8 @@ impl Source {
             Kind::Folders { albums, .. } => albums
                 .iter()
                 .fold(Size::default(), |size, album| size.union(album.size)),
+            #[cfg(feature = "node")]
+            Kind::Cameras(known) => known.size,
         }
     }
 
@@ -359,6 +415,8 @@ impl Source {
                 }
                 Ok(albums[shown].size)
             }
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => Err(SourceError::SentOnce),
         }
     }
 
@@ -377,6 +435,8 @@ impl Source {
             // What is filed is of the images as they were taken.
             Kind::Folders { .. } if self.rectifier.is_some() => None,
             Kind::Folders { albums, .. } => filed_truth(&albums[scene], view)?,
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => None,
         };
         // Of a rail it is known for a step, and wanted for a baseline.
         if let (Some(rail), Some(truth)) = (&self.rail, &mut truth) {
@@ -399,6 +459,8 @@ impl Source {
         match &self.kind {
             Kind::Rendered { scenes, .. } => scenes.len() as u64,
             Kind::Folders { albums, .. } => albums.len() as u64,
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => 1,
         }
     }
 
@@ -416,6 +478,8 @@ impl Source {
                     |album: &Album| album.shots.get(view).is_some_and(|s| s.truth.is_some());
                 albums.iter().any(knows)
             }
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => false,
         }
     }
 }

@@ -101,7 +101,14 @@ pub fn attach(
         snapshot,
     } = attach;
     let made = run.kinds();
-    let encoder = encoder(&metadata.rig, metadata.reference, &made, &settings).only(topic);
+    let encoder = encoder(
+        &metadata.rig,
+        metadata.reference,
+        &made,
+        run.cameras,
+        &settings,
+    )
+    .only(topic);
     let path = PathBuf::from(&settings.file);
     let mut guest = Guest::join(run, &format!("record.{}", std::process::id()), &made)?;
     let keep = match snapshot {

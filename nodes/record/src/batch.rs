@@ -131,12 +131,19 @@ pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
 }
 
 /// What encodes the scans of a rig for a recording with these settings: disparities and points are those of the view
-/// with index `reference`, and these kinds of message are made.
-pub fn encoder(rig: &Rig, reference: usize, made: &[Kind], settings: &Settings) -> Encoder {
+/// with index `reference`, these kinds of message are made, and `cameras` says whether scans come from cameras.
+pub fn encoder(
+    rig: &Rig,
+    reference: usize,
+    made: &[Kind],
+    cameras: bool,
+    settings: &Settings,
+) -> Encoder {
     let codec = Codec::new(rig.clone(), reference);
     let shown = Shown {
         views: settings.views,
         rejected: settings.rejected,
+        cameras,
     };
     let mut held = made.to_vec();
     held.retain(|kind| !settings.without.contains(kind));

@@ -48,7 +48,13 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     let done = bus.finisher()?;
     let metadata = metadata(bus, start);
     let made = bus.run().kinds();
-    let encoder = encoder(&metadata.rig, metadata.reference, &made, &settings);
+    let encoder = encoder(
+        &metadata.rig,
+        metadata.reference,
+        &made,
+        bus.run().cameras,
+        &settings,
+    );
     let writer = open(bus, &settings, &metadata, &encoder, start)?;
     let thread = spawn(writer, notify(bus)).map_err(RecordError::Thread)?;
     let mut recorder = Recorder::new(encoder, thread, done, start.resume.done_below);
@@ -251,6 +257,8 @@ impl Recorder {
             self.health.hear(&Event::Report(bus.report(&[])));
             self.encoder
                 .health(self.health.say(Instant::now()), &mut batch);
+            let cameras = self.health.synchronisation();
+            self.encoder.synchronisation(cameras, &mut batch);
         }
         self.thread.write(batch);
         self.under_way.insert(scan.sequence, began.elapsed());
@@ -270,6 +278,8 @@ impl Recorder {
             self.health.hear(&Event::Report(bus.report(&[])));
             self.encoder
                 .health(self.health.say(Instant::now()), &mut batch);
+            let cameras = self.health.synchronisation();
+            self.encoder.synchronisation(cameras, &mut batch);
             self.thread.write(batch);
         }
         self.thread.finish(ledger)

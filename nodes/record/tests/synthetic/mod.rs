@@ -378,5 +378,5 @@ pub(crate) fn encoder(rig: &Rig, settings: &Settings) -> Encoder {
     // There is no truth to compare with.
     let is_made = |kind: &Kind| !matches!(kind, Kind::Truth | Kind::Evaluation);
     let made: Vec<Kind> = Kind::ALL.into_iter().filter(is_made).collect();
-    record::encoder(rig, 0, &made, settings)
+    record::encoder(rig, 0, &made, false, settings)
 }

@@ -1,0 +1,211 @@
+//! Cameras: frames that come when they like, from a program of another's making and, with the feature `gstreamer`, from
+//! pipelines.
+#![expect(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
+mod harness;
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use harness::{Ran, World, bytes_of, signal, wait_until};
+use serde_json::Value;
+
+/// The example, which is built with the tests.
+fn publisher(run: &PathBuf) -> Child {
+    let tests = std::env::current_exe().unwrap();
+    let program = tests
+        .parent()
+        .unwrap()
+        .parent()
+        .unwrap()
+        .join("examples/publish");
+    let publisher = Command::new(program).arg(run).stdout(Stdio::null()).spawn();
+    publisher.expect("built before: cargo build --example publish")
+}
+
+/// The folder of the one graph that runs in this world, when it waits for frames.
+fn folder(world: &World) -> PathBuf {
+    let runs = world.runtime().join("tricurve");
+    let mut found = None;
+    wait_until("the graph runs", || {
+        let entries = fs::read_dir(&runs).into_iter().flatten().flatten();
+        found = entries
+            .map(|entry| entry.path())
+            .find(|path| path.join("kept").exists());
+        found.is_some()
+    });
+    found.unwrap()
+}
+
+/// Every frame of every camera is accounted for; gives the scans made.
+#[track_caller]
+fn adds_up(summary: &Value) -> u64 {
+    let account = &summary["synchronisation"];
+    let scans = account["scans"].as_u64().unwrap();
+    let cameras = account["cameras"].as_array().unwrap();
+    assert_eq!(cameras.len(), 3, "{summary}");
+    for camera in cameras {
+        let count = |key: &str| camera[key].as_u64().unwrap();
+        let dropped: u64 = camera["dropped"]
+            .as_object()
+            .unwrap()
+            .values()
+            .filter_map(Value::as_u64)
+            .sum();
+        let known = count("matched") + count("late") + dropped + count("waiting");
+        assert_eq!(count("received"), known, "{camera}");
+        assert_eq!(count("matched"), scans, "{camera}");
+        assert_eq!(count("waiting"), 0, "{camera}");
+    }
+    scans
+}
+
+const BUS: [&str; 12] = [
+    "run",
+    "--source",
+    "camera:bus",
+    "--set",
+    "capture.width=160",
+    "--set",
+    "capture.height=120",
+    "--delivery",
+    "live",
+    "--record",
+    "x.mcap",
+    "--json",
+];
+
+#[test]
+fn another_program_publishes_its_frames_and_they_are_matched() {
+    let world = World::new();
+    let run = world.start(&[&BUS[..], &["--scans", "40"]].concat());
+    let mut publisher = publisher(&folder(&world));
+    let ran = Ran::new(run.wait_with_output().unwrap()).done();
+    assert!(publisher.wait().unwrap().success());
+    let summary = ran.json();
+    assert_eq!(summary["balanced"], true, "{summary}");
+    assert!(adds_up(&summary) >= 40);
+    let info = world.run(&["info", "x.mcap", "--json"]).done().json();
+    assert_eq!(info["scans"]["whole"], summary["ledger"]["done"], "{info}");
+    let matches = summary["nodes"].as_array().unwrap().iter();
+    let matches = matches.filter_map(|node| node["counts"]["matches"].as_u64());
+    assert!(matches.sum::<u64>() > 0, "{summary}");
+    assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
+}
+
+#[test]
+fn a_killed_capture_loses_no_scan_that_was_let_in_and_counts_those_that_went_by() {
+    let world = World::new();
+    let run = world.start(&BUS);
+    let mut publisher = publisher(&folder(&world));
+    wait_until("scans are recorded", || {
+        bytes_of(&world.path("x.mcap")) > 10_000_000
+    });
+    let capture = |(name, _): &(String, u32)| name == "capture";
+    let (_, killed) = world.nodes().into_iter().find(capture).unwrap();
+    signal(killed, "KILL");
+    wait_until("capture is restarted", || {
+        world
+            .nodes()
+            .iter()
+            .any(|node| capture(node) && node.1 != killed)
+    });
+    let so_far = bytes_of(&world.path("x.mcap"));
+    wait_until("scans are recorded again", || {
+        bytes_of(&world.path("x.mcap")) > so_far + 10_000_000
+    });
+    signal(run.id(), "INT");
+    let ran = Ran::new(run.wait_with_output().unwrap()).done();
+    assert!(publisher.wait().unwrap().success());
+    let summary = ran.json();
+    assert_eq!(summary["balanced"], true, "{summary}");
+    let missed = &summary["ledger"]["refused"]["capture was restarted"];
+    assert!(missed.as_u64() >= Some(1), "{summary}");
+    let info = world.run(&["info", "x.mcap", "--json"]).done().json();
+    assert_eq!(info["scans"]["whole"], summary["ledger"]["done"], "{info}");
+    adds_up(&summary);
+}
+
+#[test]
+fn cameras_without_what_they_need_are_refused_with_a_sentence() {
+    let world = World::new();
+    for (arguments, words) in [
+        (
+            &["run", "--source", "camera:bus"][..],
+            "set capture.width and capture.height",
+        ),
+        #[cfg(not(feature = "gstreamer"))]
+        (
+            &[
+                "run",
+                "--source",
+                "camera:gstreamer",
+                "--set",
+                "capture.cameras=['a','b','c']",
+            ],
+            "--features gstreamer",
+        ),
+        #[cfg(not(feature = "v4l"))]
+        (
+            &[
+                "run",
+                "--source",
+                "camera:v4l",
+                "--set",
+                "capture.cameras=['a','b','c']",
+            ],
+            "--features v4l",
+        ),
+        (&["run", "--source", "camera:gstreamer"], "capture.cameras"),
+        (&["evaluate", "camera:bus"], "cameras send each frame once"),
+        (&["run", "--source", "camera:bsu"], "camera:bus"),
+    ] {
+        let ran = world.run(arguments);
+        assert_eq!(ran.code, Some(2), "{ran:?}");
+        assert!(ran.err.contains(words), "{ran:?}");
+    }
+}
+
+#[cfg(feature = "gstreamer")]
+mod gstreamer {
+    use super::*;
+
+    /// At 30 Hz, of which the first loses some frames.
+    const SHAKY: &str = "capture.cameras=[\
+        'videotestsrc is-live=true pattern=smpte ! video/x-raw,width=160,height=120,framerate=30/1 ! identity drop-probability=0.1',\
+        'videotestsrc is-live=true pattern=smpte ! video/x-raw,width=160,height=120,framerate=30/1',\
+        'videotestsrc is-live=true pattern=smpte ! video/x-raw,width=160,height=120,framerate=30/1']";
+
+    #[test]
+    fn three_live_pipelines_are_put_together_and_the_topic_says_how() {
+        let world = World::new();
+        let ran = world
+            .run(&[
+                "run",
+                "--source",
+                "camera:gstreamer",
+                "--set",
+                SHAKY,
+                "--delivery",
+                "live",
+                "--scans",
+                "90",
+                "--record",
+                "x.mcap",
+                "--json",
+            ])
+            .done();
+        let summary = ran.json();
+        assert_eq!(summary["balanced"], true, "{summary}");
+        assert!(adds_up(&summary) >= 90);
+        let left = &summary["synchronisation"]["cameras"][0];
+        assert!(left["lost"].as_u64() > Some(0), "{left}");
+        let info = world.run(&["info", "x.mcap", "--json"]).done().json();
+        let topics = info["topics"].as_array().unwrap();
+        let topic = topics
+            .iter()
+            .find(|topic| topic["topic"] == "synchronisation");
+        assert!(topic.unwrap()["count"].as_u64() >= Some(2), "{info}");
+    }
+}
