@@ -315,8 +315,8 @@ fn folders_of_scenes_are_one_scan_each_and_may_differ_in_size() {
     let mut source = folder.open().unwrap();
     assert_eq!((source.scans(), source.size()), (2, Size::new(48, 49)));
     assert_eq!(
-        (source.name(0), source.name(1), source.name(2)),
-        ("scene2", "scene10", "scene2")
+        [0, 1, 2].map(|scan| source.name(scan)),
+        ["scene2", "scene10", "scene2"]
     );
     assert_eq!(
         (source.size_of(0), source.size_of(1)),
@@ -727,7 +727,7 @@ fn a_real_scene_opens_with_its_names_size_and_truth() {
     let mut source = Source::open(&settings).unwrap();
     assert_eq!(
         (source.scans(), source.size(), source.name(4)),
-        (5, Size::new(695, 555), "Art")
+        (5, Size::new(695, 555), "Art".to_owned())
     );
     assert_eq!(names(&source, 0), ["view1.png", "view3.png", "view5.png"]);
     let (left, centre) = (

@@ -174,7 +174,7 @@ fn the_same_scan_and_view_gives_the_same_bytes_in_any_order_and_process() {
 fn scans_of_one_scene_differ_by_noise_alone() {
     let mut source = open("scene:all", |_| ());
     let (first, second) = (read(&mut source, 1, 2), read(&mut source, 4, 2));
-    assert_eq!((source.name(1), source.name(4)), ("jack", "jack"));
+    assert_eq!([source.name(1), source.name(4)], ["jack", "jack"]);
     let differences: Vec<f64> = first
         .iter()
         .zip(&second)
@@ -245,7 +245,7 @@ fn the_default_source_shows_the_three_objects_in_turn() {
     let source = Source::open(&Settings::default()).unwrap();
     assert_eq!(source.scans(), 30);
     assert_eq!(source.size(), Size::new(512, 480));
-    let names: Vec<&str> = (0..4).map(|scan| source.name(scan)).collect();
+    let names: Vec<String> = (0..4).map(|scan| source.name(scan)).collect();
     assert_eq!(names, ["tab", "jack", "screwdriver", "tab"]);
     let places: Vec<(String, f64)> = source
         .views(0)

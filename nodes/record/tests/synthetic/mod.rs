@@ -239,7 +239,7 @@ impl Scan {
                 Kind::Matches => both(&self.matches[topic.channel as usize]),
                 Kind::Disparity => both(&self.disparity),
                 Kind::Points => both(&self.points),
-                Kind::Truth | Kind::Evaluation => unreachable!(),
+                Kind::Truth | Kind::Map | Kind::Growing | Kind::Evaluation => unreachable!(),
             })
             .collect()
     }
