@@ -497,7 +497,7 @@ mod tests {
         let error = load(BUILT_IN, &["capture.in_flight=many"]).unwrap_err();
         assert_eq!(
             error,
-            "capture.in_flight is a whole number from 1 to 24, not \"many\""
+            "capture.in_flight is a whole number from 1 to 30, not \"many\""
         );
         let error = load(BUILT_IN, &["match.assignment=3"]).unwrap_err();
         assert_eq!(error, "match.assignment is point or curve, not 3");

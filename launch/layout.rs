@@ -20,7 +20,11 @@ const FINEST: &str = "\"matches/1\"";
 pub(crate) fn layout(rig: Option<&Rig>) -> String {
     let matches = rig.and_then(|rig| DataTopic::of(rig, Kind::Matches).pop());
     match matches {
-        Some(topic) => DEFAULT.replace(FINEST, &format!("{:?}", topic.name)),
+        // Where fields are named behind a dot, a name with a dot of its own stands in quotes.
+        Some(topic) if topic.name.contains('.') => {
+            DEFAULT.replace(FINEST, &format!("\"\\\"{}\\\"\"", topic.name))
+        }
+        Some(topic) => DEFAULT.replace(FINEST, &format!("\"{}\"", topic.name)),
         None => DEFAULT.to_owned(),
     }
 }
@@ -139,7 +143,11 @@ pub(crate) fn references(layout: &str) -> Result<Vec<Reference>, String> {
         let paths = paths.into_iter().flatten();
         let paths = paths.filter_map(|path| path.get("value").and_then(Value::as_str));
         for path in paths.chain(text("/topicPath")) {
-            let (topic, field) = path.split_once('.').unwrap_or((path, ""));
+            let quoted = path.strip_prefix('"').and_then(|rest| rest.split_once('"'));
+            let (topic, field) = match quoted {
+                Some((topic, field)) => (topic, field.trim_start_matches('.')),
+                None => path.split_once('.').unwrap_or((path, "")),
+            };
             add(topic, field, false);
         }
     }
@@ -308,7 +316,7 @@ mod tests {
         let (there, rig) = run_of(&[30.0, 20.5]);
         assert_eq!(check(DEFAULT, &there).unwrap().missing.len(), 1);
         let layout = layout(Some(&rig));
-        assert!(layout.contains("\"matches/20.5\""));
+        assert!(layout.contains(r#""\"matches/20.5\"""#), "{layout}");
         assert_eq!(
             check(&layout, &there).unwrap().missing,
             Vec::<String>::new()
