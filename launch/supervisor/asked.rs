@@ -157,9 +157,17 @@ impl<W: Watcher> Supervisor<'_, W> {
         if self.pending.is_some() || self.queued.is_empty() {
             return;
         }
-        let (mut changes, mut replies) = (Vec::new(), Vec::new());
+        let (mut changes, mut replies) = (Vec::<Change>::new(), Vec::new());
         for (more, reply) in self.queued.drain(..) {
-            changes.extend(more);
+            for change in more {
+                let is_it =
+                    |known: &&mut Change| (&known.node, &known.key) == (&change.node, &change.key);
+                // What is set twice before any scan comes holds as it was set last.
+                match changes.iter_mut().find(is_it) {
+                    Some(known) => known.value = change.value,
+                    None => changes.push(change),
+                }
+            }
             replies.push(reply);
         }
         self.pending = Some(Pending {

@@ -119,12 +119,16 @@ impl fmt::Display for Summary {
                 .counts
                 .iter()
                 .filter(|(name, count)| **count > 0 && *name != "scans");
-            let note = |(name, n): (&String, &u64)| match each(n) {
-                // Rounded it would be none.
-                each if each < 0.5 => format!("{n} {name} in all"),
-                each => format!("{each:.0} {name}"),
+            // What rounds to none of a scan is told of all scans, and what belongs to it too.
+            let is_rare = counts.clone().any(|(_, n)| each(n) < 0.5);
+            let note = |(name, n): (&String, &u64)| match is_rare {
+                true => format!("{n} {name}"),
+                false => format!("{:.0} {name}", each(n)),
             };
             let mut notes: Vec<String> = counts.map(note).collect();
+            if is_rare {
+                notes.push("in all".to_owned());
+            }
             if node.restarts > 0 {
                 notes.push(format!(
                     "restarted {} times, {} duplicates",
