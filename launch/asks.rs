@@ -7,12 +7,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use crossbeam::channel::{Sender, bounded};
+use crossbeam::channel::{RecvTimeoutError, Sender, bounded};
 use messages::bus::{Answer, Ask, LONGEST_LINE, socket_of};
 
 /// Who may ask at the same time; the folder is the user's own, and each has a thread.
 const MOST_ASKERS: usize = 32;
-/// How long an asker may take to say its line, and an answer may take.
+/// How long an asker may take to say its line, and to take its answer.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A question, and where its answer goes.
@@ -66,17 +66,50 @@ fn serve(stream: &UnixStream, tell: &impl Fn(Asked) -> bool) -> io::Result<()> {
             Err(error) => Answer::Refused {
                 why: format!("cannot read what is asked: {error}"),
             },
-            Ok(ask) => {
-                let (reply, answer) = bounded(1);
-                let is_told = tell((ask, reply));
-                let answer = answer.recv_timeout(PATIENCE).ok().filter(|_| is_told);
-                answer.unwrap_or_else(|| Answer::Refused {
-                    why: "the graph is ending".to_owned(),
-                })
-            }
+            Ok(ask) => answered(ask, tell),
         };
         let mut out = serde_json::to_vec(&answer)?;
         out.push(b'\n');
         (&mut (&*stream)).write_all(&out)?;
+    }
+}
+
+/// The answer, or why there is none.
+fn answered(ask: Ask, tell: &impl Fn(Asked) -> bool) -> Answer {
+    let patience = ask.patience();
+    let (reply, answer) = bounded(1);
+    // Who is not told drops the reply, as one does who ends.
+    tell((ask, reply));
+    answer.recv_timeout(patience).unwrap_or_else(|error| {
+        let why = match error {
+            RecvTimeoutError::Disconnected => "the graph is ending".to_owned(),
+            RecvTimeoutError::Timeout => format!(
+                "it was not done within {} s, and may still be: `tricurve top` says which node stands still",
+                patience.as_secs()
+            ),
+        };
+        Answer::Refused { why }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
+    use std::sync::Mutex;
+
+    use super::*;
+
+    #[test]
+    fn a_graph_that_ends_is_told_from_one_that_takes_too_long() {
+        let ends = |_| false;
+        let why = |answer| match answer {
+            Answer::Refused { why } => why,
+            answer => format!("{answer:?}"),
+        };
+        assert_eq!(why(answered(Ask::State, &ends)), "the graph is ending");
+        let kept = Mutex::new(None);
+        let hangs = |asked| kept.lock().unwrap().replace(asked).is_none();
+        let why = why(answered(Ask::State, &hangs));
+        assert!(why.starts_with("it was not done within 5 s"), "{why}");
     }
 }

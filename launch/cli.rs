@@ -1,5 +1,6 @@
 //! The command line.
 
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -176,8 +177,8 @@ pub(crate) struct View {
     #[arg(long, default_value_t = 8765)]
     pub(crate) port: u16,
     /// The address to listen at; any but the loopback lets everybody on the network in, without a password
-    #[arg(long, default_value = "127.0.0.1")]
-    pub(crate) host: std::net::IpAddr,
+    #[arg(long, default_value = "127.0.0.1", value_parser = host)]
+    pub(crate) host: IpAddr,
     /// Begin paused, at the first scan
     #[arg(long, requires = "file")]
     pub(crate) start_paused: bool,
@@ -670,6 +671,16 @@ fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {
     let within = |number: &f64| (least..=most).contains(number);
     let number = text.trim().parse::<f64>().ok().filter(within);
     number.ok_or_else(|| format!("expected a number from {least} to {most}"))
+}
+
+/// An address of this machine.
+fn host(text: &str) -> Result<IpAddr, String> {
+    match text {
+        "localhost" => Ok(Ipv4Addr::LOCALHOST.into()),
+        address => address
+            .parse()
+            .map_err(|_| "expected an address, as 127.0.0.1, or localhost".to_owned()),
+    }
 }
 
 /// Seconds that can be waited for.

@@ -347,21 +347,37 @@ pub(crate) fn checked(node: &NodeType, value: &Value) -> Result<(), String> {
         let Value::Object(whole) = value else {
             return format!("[{}] {text}", node.name);
         };
-        let defaults = (node.settings)(Profile::Default);
-        let alone = |(key, value): &(&String, &Value)| {
-            let mut one = defaults.clone();
-            if let Value::Object(one) = &mut one {
-                one.insert((*key).clone(), (*value).clone());
-            }
-            (node.check)(&one).is_err()
-        };
+        let alone = |(key, value): &(&String, &Value)| check_alone(node, key, value).is_err();
         match whole.iter().find(alone) {
-            Some((key, _)) if !text.starts_with(key.as_str()) => {
-                format!("{}.{key}: {text}", node.name)
+            Some((key, value)) if !text.starts_with(key.as_str()) => {
+                format!("{}.{key} is {}, not {value}", node.name, taken(node, key))
             }
             _ => format!("{}.{text}", node.name),
         }
     })
+}
+
+/// Checks one value of a node whose other settings are sound.
+fn check_alone(node: &NodeType, key: &str, value: &Value) -> Result<(), String> {
+    let mut settings = (node.settings)(Profile::Default);
+    if let Value::Object(settings) = &mut settings {
+        settings.insert(key.to_owned(), value.clone());
+    }
+    (node.check)(&settings)
+}
+
+/// What a key takes, in words.
+fn taken(node: &NodeType, key: &str) -> String {
+    let known = node.keys.iter().find(|known| known.name == key);
+    if let Some(takes) = known.and_then(Key::takes) {
+        return takes;
+    }
+    // A choice between names: serde lists them to whoever gives it another one.
+    let none = check_alone(node, key, &"".into()).err().unwrap_or_default();
+    match none.split_once("expected ") {
+        Some((_, names)) => names.replace('`', ""),
+        None => "something else".to_owned(),
+    }
 }
 
 pub(crate) fn known_node(name: &str) -> Result<(), String> {
@@ -486,10 +502,12 @@ mod tests {
     #[test]
     fn a_value_of_the_wrong_type_names_the_key() {
         let error = load(BUILT_IN, &["capture.in_flight=many"]).unwrap_err();
-        assert!(
-            error.starts_with("capture.in_flight: invalid type: string \"many\""),
-            "{error}"
+        assert_eq!(
+            error,
+            "capture.in_flight is a whole number from 1 to 30, not \"many\""
         );
+        let error = load(BUILT_IN, &["match.assignment=3"]).unwrap_err();
+        assert_eq!(error, "match.assignment is point or curve, not 3");
     }
 
     #[test]

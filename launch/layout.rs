@@ -3,14 +3,31 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use messages::record::{Channel, Codec};
+use messages::{Kind, Rig, Topic as DataTopic};
 use prost::Message as _;
 use prost_types::field_descriptor_proto::Label;
 use prost_types::{DescriptorProto, FileDescriptorSet};
 use serde::Serialize;
 use serde_json::Value;
 
-/// The layout, as Foxglove imports it.
-pub(crate) const LAYOUT: &str = include_str!("layout.json");
+/// The layout of a default run, as Foxglove imports it.
+const DEFAULT: &str = include_str!("layout.json");
+
+/// What it shows of the finest channel.
+const FINEST: &str = "\"matches/1\"";
+
+/// The layout, as Foxglove imports it: of a run with this rig, or of a default one.
+pub(crate) fn layout(rig: Option<&Rig>) -> String {
+    let matches = rig.and_then(|rig| DataTopic::of(rig, Kind::Matches).pop());
+    match matches {
+        // Where fields are named behind a dot, a name with a dot of its own stands in quotes.
+        Some(topic) if topic.name.contains('.') => {
+            DEFAULT.replace(FINEST, &format!("\"\\\"{}\\\"\"", topic.name))
+        }
+        Some(topic) => DEFAULT.replace(FINEST, &format!("\"{}\"", topic.name)),
+        None => DEFAULT.to_owned(),
+    }
+}
 
 /// The topic that only sources with a truth have, and the node that makes it.
 const NEED_TRUTH: &str = "evaluation";
@@ -126,7 +143,11 @@ pub(crate) fn references(layout: &str) -> Result<Vec<Reference>, String> {
         let paths = paths.into_iter().flatten();
         let paths = paths.filter_map(|path| path.get("value").and_then(Value::as_str));
         for path in paths.chain(text("/topicPath")) {
-            let (topic, field) = path.split_once('.').unwrap_or((path, ""));
+            let quoted = path.strip_prefix('"').and_then(|rest| rest.split_once('"'));
+            let (topic, field) = match quoted {
+                Some((topic, field)) => (topic, field.trim_start_matches('.')),
+                None => path.split_once('.').unwrap_or((path, "")),
+            };
             add(topic, field, false);
         }
     }
@@ -275,19 +296,36 @@ fn has_key(topic: &Topic, path: &str) -> bool {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
+    use messages::Size;
     use messages::record::Shown;
-    use messages::{Rig, Size};
 
     /// What a default run has, as far as schemas tell.
     fn default_run() -> There {
-        let rig = Rig::of_views(3, &[4.0, 2.0, 1.0], Size::new(64, 48));
-        let codec = Codec::new(rig, 0);
-        There::promised(&codec, codec.channels(Shown::ALL))
+        run_of(&[4.0, 2.0, 1.0]).0
+    }
+
+    /// What a run with these channels has, and its rig.
+    fn run_of(channels: &[f32]) -> (There, Rig) {
+        let rig = Rig::of_views(3, channels, Size::new(64, 48));
+        let codec = Codec::new(rig.clone(), 0);
+        (There::promised(&codec, codec.channels(Shown::ALL)), rig)
+    }
+
+    #[test]
+    fn a_run_with_other_channels_has_all_that_its_own_layout_names() {
+        let (there, rig) = run_of(&[30.0, 20.5]);
+        assert_eq!(check(DEFAULT, &there).unwrap().missing.len(), 1);
+        let layout = layout(Some(&rig));
+        assert!(layout.contains(r#""\"matches/20.5\"""#), "{layout}");
+        assert_eq!(
+            check(&layout, &there).unwrap().missing,
+            Vec::<String>::new()
+        );
     }
 
     #[test]
     fn a_default_run_has_all_that_the_layout_names() {
-        let checked = check(LAYOUT, &default_run()).unwrap();
+        let checked = check(DEFAULT, &default_run()).unwrap();
         assert_eq!(checked.missing, Vec::<String>::new());
         assert!(
             checked.panels >= 12 && checked.references > 35,
@@ -325,8 +363,8 @@ mod tests {
                 "hugh",
             ),
         ] {
-            let layout = LAYOUT.replace(from, to);
-            assert_ne!(layout, LAYOUT, "{from}");
+            let layout = DEFAULT.replace(from, to);
+            assert_ne!(layout, DEFAULT, "{from}");
             let missing = check(&layout, &default_run()).unwrap().missing;
             assert_eq!(missing.len(), 1, "{missing:?}");
             assert!(missing[0].contains(expected), "{missing:?}");
@@ -337,7 +375,7 @@ mod tests {
     fn a_source_without_truth_lacks_nothing_else() {
         let mut there = default_run();
         there.topics.remove("evaluation");
-        let checked = check(LAYOUT, &there).unwrap();
+        let checked = check(DEFAULT, &there).unwrap();
         assert_eq!(checked.missing, Vec::<String>::new());
         assert_eq!(checked.without_truth.len(), 3);
     }
@@ -346,6 +384,6 @@ mod tests {
     fn a_topic_without_messages_is_missing_where_messages_are_needed() {
         let mut there = default_run();
         there.needs_messages = true;
-        assert!(check(LAYOUT, &there).unwrap().missing.len() > 30);
+        assert!(check(DEFAULT, &there).unwrap().missing.len() > 30);
     }
 }

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 
 use messages::bus::Parameter;
 use messages::change::Change;
-use serde_json::Value;
+use messages::settings::nearest;
+use serde_json::{Number, Value};
 
-use crate::graph::{checked, known_key, known_node};
-use crate::registry::{NODES, NodeType};
+use crate::graph::{GRAPH, checked, known_key};
+use crate::registry::{self, NODES, NodeType};
 
 /// How a value is written that the node finds by itself.
 const AUTOMATIC: &str = "automatic";
@@ -63,8 +64,7 @@ impl Parameters {
             let (node, key) = name
                 .split_once('.')
                 .ok_or_else(|| format!("a parameter is called node.key, not {name:?}"))?;
-            known_node(node)?;
-            let of_node = NODES.iter().find(|known| known.name == node);
+            let of_node = self.known(node)?;
             let Some(of_node) = of_node.filter(|known| known.fixed.is_some()) else {
                 return Err(format!("{name} cannot be changed while the graph runs"));
             };
@@ -77,8 +77,10 @@ impl Parameters {
             let Some(Value::Object(table)) = tables.get_mut(node) else {
                 return Err(format!("the graph has no {node}"));
             };
+            let is_whole = of_node.keys.iter().any(|k| k.name == key && k.is_whole());
             let value = match value {
                 Value::String(text) if text == AUTOMATIC => Value::Null,
+                Value::Number(number) if is_whole => whole(number),
                 other => other.clone(),
             };
             let was = table.insert(key.to_owned(), value.clone());
@@ -98,11 +100,38 @@ impl Parameters {
         Ok(changes)
     }
 
+    /// The kind of node of this name, when it has anything to set while the graph runs.
+    fn known(&self, name: &str) -> Result<Option<&'static NodeType>, String> {
+        let known = registry::find(name);
+        if known.is_some() || name == GRAPH {
+            return Ok(known);
+        }
+        let names = || self.tables.keys().copied();
+        Err(match nearest(name, names()) {
+            Some(near) => format!("there is no node {name}; do you mean {near}?"),
+            None => {
+                let names: Vec<&str> = names().collect();
+                let names = names.join(", ");
+                format!("there is no node {name}; parameters are those of {names}")
+            }
+        })
+    }
+
     /// Notes what was changed.
     pub(crate) fn apply(&mut self, changes: &[Change]) {
         for (node, table) in &mut self.tables {
             Change::apply(changes, node, table);
         }
+    }
+}
+
+/// A number for a key that takes whole ones: many viewers know no other than 20.0.
+fn whole(number: &Number) -> Value {
+    match number.as_f64() {
+        Some(float) if number.is_f64() && float.fract() == 0.0 && float >= 0.0 => {
+            (float as u64).into()
+        }
+        _ => number.clone().into(),
     }
 }
 
@@ -141,6 +170,32 @@ mod tests {
         assert!(error.contains("match.score"), "{error}");
         let error = set("match.scor", json!(0.5)).unwrap_err();
         assert!(error.contains("match.score"), "{error}");
+    }
+
+    #[test]
+    fn a_refusal_says_what_is_expected_and_what_came() {
+        let low = set("track.low", json!("abc")).unwrap_err();
+        assert_eq!(
+            low,
+            "track.low is a number from 0 to 255, or automatic, not \"abc\""
+        );
+        let gap = set("match.gap", json!(2.5)).unwrap_err();
+        assert_eq!(gap, "match.gap is a whole number from 0 to 64, not 2.5");
+        let node = set("xyz.low", json!(1)).unwrap_err();
+        assert!(
+            node.ends_with("those of evaluate, filter, hough, match, track"),
+            "{node}"
+        );
+    }
+
+    #[test]
+    fn a_whole_number_may_come_as_a_float_as_viewers_write_it() {
+        let changes = set("track.min_points", json!(20.0)).unwrap();
+        assert_eq!(changes[0].value, json!(20));
+        let list = parameters().list();
+        let was = list.iter().find(|p| p.name == "track.min_points").unwrap();
+        let as_float = json!(was.value.as_f64().unwrap());
+        assert_eq!(set("track.min_points", as_float), Ok(vec![]));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 /// Scans a snapshot holds.
 const SCANS: &str = "1";
-/// How long it may take until a scan comes.
+/// How long it may take until a scan comes; less than [`Ask::patience`](messages::bus::Ask::patience) of a snapshot.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Takes a snapshot of the run with this folder; the answer comes when it is written.
@@ -61,7 +61,7 @@ pub(crate) fn take(run: &Path, reply: &Sender<Answer>) -> Result<(), Answer> {
                 Err(_) => {
                     ended.recv().map(drop).unwrap_or_default();
                     std::fs::remove_file(&file).unwrap_or_default();
-                    let why = "no scan came in time".to_owned();
+                    let why = format!("no scan came within {} s", PATIENCE.as_secs());
                     Answer::Refused { why }
                 }
             };

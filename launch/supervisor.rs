@@ -8,7 +8,7 @@
 
 mod asked;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
@@ -25,7 +25,7 @@ use crate::cli::BE_NODE;
 use crate::keys::{self, Key, Keys};
 use crate::parameters::Parameters;
 use crate::{Failure, Outcome};
-use asked::Pending;
+use asked::{Pending, Told};
 
 /// What the supervisor is told.
 pub(crate) struct Duty<'a> {
@@ -132,6 +132,8 @@ pub(crate) struct Supervisor<'a, W> {
     pending: Option<Pending>,
     /// Who waits for the source to say how it plays.
     curious: Vec<Sender<Answer>>,
+    /// What the source was told to play otherwise and has not answered yet, in order.
+    told: VecDeque<Told>,
     trouble: Option<(Outcome, String)>,
 }
 
@@ -165,6 +167,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             queued: Vec::new(),
             pending: None,
             curious: Vec::new(),
+            told: VecDeque::new(),
             trouble: None,
         };
         let told = supervisor.teller.clone();
@@ -290,7 +293,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                 self.event(place, event)
             }
             Ok(News::Gone(place, life)) if self.nodes[place].life == life => self.gone(place)?,
-            Ok(News::Key(Key::Play(play))) => self.nodes[0].tell(&Command::Play { play }),
+            Ok(News::Key(Key::Play(play))) => self.tell_to_play(play, None),
             Ok(News::Asked((ask, reply))) => self.asked(ask, reply),
             Ok(News::Signal | News::Key(Key::End)) => {
                 self.signals += 1;
@@ -397,6 +400,10 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         self.nodes[place] = self.spawn(place, life + 1)?;
         // The new one reads what was changed.
         self.noted(place);
+        if place == 0 {
+            // What its predecessor was told it does not know.
+            self.told.clear();
+        }
         self.connecting = false;
         for node in &mut self.nodes {
             node.is_connected = false;
@@ -446,6 +453,9 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         let idle = self.moved.elapsed();
         let under_way = self.progress.admitted - self.progress.done.min(self.progress.admitted);
         let assembled = self.nodes.iter().all(|n| n.has_begun && n.is_connected);
+        if assembled {
+            self.end_who_does_not_note();
+        }
         if !assembled && idle > GRACE.max(self.duty.patience) {
             let silent = self
                 .nodes

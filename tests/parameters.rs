@@ -82,6 +82,20 @@ fn a_parameter_holds_from_one_scan_on_and_the_recording_verifies() {
         changes.iter().map(|c| c.from).collect::<Vec<_>>(),
         [from, back]
     );
+    // Whoever looks at the recording is told so.
+    let info = world.run(&["info", "x.mcap", "--json"]).done().json();
+    assert_eq!(info["changes"][1]["from"], back, "{info}");
+    let info = world.run(&["info", "x.mcap"]).done().out;
+    let told = format!("changed       track.min_points is 60 from scan {from} on");
+    assert!(info.contains(&told), "{info}");
+    world
+        .run(&["report", "x.mcap", "--scans", "0..1", "-o", "x.html"])
+        .done();
+    let page = std::fs::read_to_string(world.path("x.html")).unwrap();
+    assert!(page.contains("Settings were changed 2 times"), "{page}");
+    assert!(page.contains(&format!(
+        "<tr><td class=\"n\">{from}</td><td class=\"mono\">track.min_points</td>"
+    )));
     let verify = ["replay", "x.mcap", "--verify", "--json"];
     assert_eq!(world.run(&verify).done().json()["verified"]["equal"], true);
     // From a scan in the middle too, and of a part of it.
@@ -155,6 +169,96 @@ fn parameter_of_track(world: &World) -> String {
 }
 
 #[test]
+fn what_no_scan_of_a_recording_was_made_with_is_not_in_it() {
+    let world = World::new();
+    let graph = graph(&world);
+    let from = set(&world, "track.min_points=60");
+    wait_for_more(&world);
+    end(graph);
+    let before = format!("0..{from}");
+    let filter = ["filter", "x.mcap", "--scans", &before, "-o", "before.mcap"];
+    world.run(&filter).done();
+    let changes = |name: &str| Recording::open(&world.path(name)).unwrap().changes();
+    assert_eq!(changes("before.mcap"), []);
+    let after = format!("{from}..{}", from + 2);
+    let filter = ["filter", "x.mcap", "--scans", &after, "-o", "after.mcap"];
+    world.run(&filter).done();
+    assert_eq!(changes("after.mcap").len(), 1);
+    // What holds for all scans holds in every round.
+    for name in ["before.mcap", "after.mcap"] {
+        let replay = world.start(&["replay", name, "--loop", "--json"]);
+        let hears = ["topic", "echo", "points", "--count", "1"];
+        wait_until("it plays", || world.run(&hears).code == Some(0));
+        end(replay);
+    }
+}
+
+/// A graph that nothing records, which viewers could look at.
+fn graph_with_a_bridge(world: &World, set: &str) -> Child {
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let run = [
+        "run",
+        "--source",
+        &source,
+        "--scans",
+        "1000000",
+        "--no-record",
+        "--view",
+        "--set",
+        "bridge.port=0",
+        "--set",
+        set,
+    ];
+    let child = world.start(&run);
+    wait_until("the graph runs", || {
+        let hears = ["topic", "echo", "points", "--count", "1"];
+        world.nodes().len() == 6 && world.run(&hears).code == Some(0)
+    });
+    child
+}
+
+/// The process of a node.
+fn pid_of(world: &World, node: &str) -> u32 {
+    let nodes = world.nodes();
+    let found = nodes.iter().find(|(name, _)| name == node);
+    found.unwrap().1
+}
+
+#[test]
+fn a_bridge_that_stands_still_holds_no_change_up() {
+    let world = World::new();
+    let graph = graph_with_a_bridge(&world, "graph.patience=600");
+    let bridge = pid_of(&world, "bridge");
+    signal(bridge, "STOP");
+    let from = set(&world, "track.min_points=60");
+    assert!(set(&world, "track.min_points=61") >= from);
+    world
+        .run(&["topic", "echo", "points", "--count", "1"])
+        .done();
+    signal(bridge, "CONT");
+    let ran = end(graph);
+    assert!(!ran.err.contains("restarted"), "{ran:?}");
+}
+
+#[test]
+fn a_stage_that_stands_still_while_something_is_set_is_ended_and_comes_back() {
+    let world = World::new();
+    let graph = graph_with_a_bridge(&world, "graph.patience=2");
+    let stage = pid_of(&world, "hough");
+    signal(stage, "STOP");
+    set(&world, "track.min_points=60");
+    wait_until("another one is there", || {
+        let is_another = |(name, pid): &(String, u32)| name == "hough" && *pid != stage;
+        world.nodes().iter().any(is_another)
+    });
+    let ran = end(graph);
+    let said = "hough has not noted what was set within 2 s: it is ended";
+    assert!(ran.err.contains(said), "{ran:?}");
+    assert!(ran.out.contains("balanced"), "{ran:?}");
+}
+
+#[test]
 fn what_cannot_be_set_is_refused_and_the_old_value_stays() {
     let world = World::new();
     let graph = graph(&world);
@@ -162,7 +266,10 @@ fn what_cannot_be_set_is_refused_and_the_old_value_stays() {
     let before = score();
     for (what, why) in [
         ("match.score=9", "must lie between 0 and 1, not 9"),
-        ("match.score=high", "match.score: invalid type"),
+        (
+            "match.score=high",
+            "match.score is a number from 0 to 1, not \"high\"",
+        ),
         ("match.scor=0.5", "do you mean match.score?"),
         (
             "filter.channels=[3.0]",

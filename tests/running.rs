@@ -93,6 +93,52 @@ fn topics_are_listed_measured_and_printed_while_the_graph_runs() {
     let wrong = world.run(&["topic", "hz", "pionts"]);
     assert_eq!(wrong.code, Some(2), "{wrong:?}");
     assert!(wrong.err.contains("do you mean points?"), "{}", wrong.err);
+    let derived = world.run(&["topic", "echo", "health"]);
+    assert_eq!(derived.code, Some(2), "{derived:?}");
+    assert!(derived.err.contains("tricurve view"), "{derived:?}");
+    ends_balanced(graph);
+}
+
+#[test]
+fn an_echo_ends_with_who_reads_it() {
+    let world = World::new();
+    let graph = graph(&world);
+    let mut echo = world.start(&["topic", "echo", "points"]);
+    let mut read = [0; 10];
+    let mut out = echo.stdout.take().unwrap();
+    out.read_exact(&mut read).unwrap();
+    drop(out);
+    let ran = Ran::new(echo.wait_with_output().unwrap()).done();
+    assert_eq!(ran.err, "");
+    ends_balanced(graph);
+}
+
+#[test]
+fn when_no_further_one_can_listen_that_is_said_with_how_many_can() {
+    let world = World::new();
+    let graph = graph(&world);
+    world
+        .run(&["topic", "echo", "points", "--count", "1"])
+        .done();
+    let mut listeners = Vec::new();
+    let refused = loop {
+        let mut echo = world.start(&["topic", "echo", "points"]);
+        let mut out = echo.stdout.take().unwrap();
+        if out.read(&mut [0; 10]).unwrap() == 0 {
+            break Ran::new(echo.wait_with_output().unwrap());
+        }
+        listeners.push((echo, out));
+        assert!(listeners.len() < 20);
+    };
+    assert_eq!(refused.code, Some(1), "{refused:?}");
+    assert!(
+        refused.err.contains("a run has room for 6 listeners"),
+        "{refused:?}"
+    );
+    for (mut listener, out) in listeners {
+        drop(out);
+        listener.wait().unwrap();
+    }
     ends_balanced(graph);
 }
 

@@ -33,6 +33,28 @@ fn a_recording_has_all_that_the_layout_shows_and_so_has_a_running_graph() {
 }
 
 #[test]
+fn a_graph_with_other_channels_has_all_that_its_own_layout_shows() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let run = [
+        "run",
+        "--source",
+        &source,
+        "--scans",
+        "1000000",
+        "--no-record",
+        "--profile",
+        "thesis",
+    ];
+    let graph = world.start(&run);
+    wait_until("the graph runs", || world.nodes().len() == 5);
+    world.run(&["view", "--check"]).done();
+    signal(graph.id(), "INT");
+    Ran::new(graph.wait_with_output().unwrap()).done();
+}
+
+#[test]
 fn what_the_layout_shows_and_a_recording_lacks_is_told_by_panel_and_topic() {
     let world = World::recorded("3");
     let without = [
@@ -86,13 +108,19 @@ fn a_port_that_is_taken_is_told_with_what_to_change() {
         run.err.contains("is taken") && run.err.contains("bridge.port"),
         "{run:?}"
     );
+    // Of what never began there is nothing more to say.
+    assert_eq!(run.out, "", "{run:?}");
+    assert!(!run.err.contains("no curve was found"), "{run:?}");
     assert!(world.leftovers().is_empty(), "{:?}", world.leftovers());
 }
 
 #[test]
 fn a_view_listens_until_it_is_told_to_end() {
     let world = World::recorded("2");
-    let mut view = world.start(&["view", "x.mcap", "--port", "0"]);
+    let wrong = world.run(&["view", "x.mcap", "--host", "no such host"]);
+    assert_eq!(wrong.code, Some(2), "{wrong:?}");
+    assert!(wrong.err.contains("expected an address"), "{wrong:?}");
+    let mut view = world.start(&["view", "x.mcap", "--port", "0", "--host", "localhost"]);
     let lines = BufReader::new(view.stdout.take().unwrap()).lines();
     let server = lines
         .map_while(Result::ok)

@@ -254,7 +254,16 @@ def live(folder):
         viewer.hear()
     expect(viewer.parameters['match.score'] == 0.999, 'a refused value was kept')
 
-    expect('text' in viewer.call('tricurve/pause', 1), 'pause')
+    # A whole number as many viewers write it, and as it was offered.
+    least = viewer.parameters['track.min_points']
+    count = viewer.set('whole', track__min_points=float(least) + 1.0)
+    viewer.until(lambda: viewer.parameters['track.min_points'] == least + 1, 'a whole number set')
+    viewer.set('back', track__min_points=float(least))
+    viewer.until(lambda: viewer.parameters['track.min_points'] == least, 'a whole number set back')
+    expect(len(viewer.status) == count, f'a whole number was refused: {viewer.status[count:]}')
+
+    expect(viewer.call('tricurve/pause', 1) == {'text': 'paused'}, 'pause')
+    expect(viewer.call('tricurve/pause', 10) == {'text': 'it was paused already'}, 'pause again')
     time.sleep(1)
     while viewer.hear():
         pass
@@ -307,6 +316,20 @@ def played(folder):
             sent, message = viewer.decoded(topic)[0]
             expect(stamped(message) == sent, f'{topic} is stamped otherwise than the scan')
     expect(scans == {step: step for step in scans}, f'sought scans: {scans}')
+    for nanos, where in ((start - 10**12, start), (end + 10**12, end)):
+        _, there, _, sought = viewer.play(False, seek=nanos)
+        expect((there, sought) == (where, True), f'sought beyond the recording it is at {there}, not {where}')
+    viewer.quiet()
+    # Of many seeks at once the last one counts.
+    for step in range(200):
+        viewer.socket.send(b'\x03' + struct.pack('<BfBQI', 1, 1.0, True, start + (end - start) * (step % 24) // 23 + 1000, 0))
+    viewer.quiet()
+    viewer.play(False, seek=start + (end - start) * 7 // 23 + 1000)
+    viewer.until(lambda: [m for _, m in viewer.decoded('statistics') if m['scan'] == 7], 'the last of many seeks')
+    other = greeted(process)
+    other.until(lambda: other.playback, 'a word to who comes of how it plays')
+    expect(other.playback[0] == 1, f'who comes is told {other.playback}')
+    other.close()
     viewer.quiet()
     began = time.monotonic()
     viewer.play(True, speed=0.5, seek=start)
@@ -345,6 +368,15 @@ def played(folder):
     viewer.until(lambda: viewer.decoded('statistics'), 'the scan that was sought in the replay')
     nanos, _ = viewer.decoded('statistics')[0]
     expect(abs(nanos - (start + end) / 2) < (end - start) / 20, 'another scan of the replay than was sought')
+    viewer.until(lambda: viewer.playback[1] == nanos, 'a word of where it is')
+    expect(viewer.playback[0] == 1, f'sought in while it is paused it is {viewer.playback}')
+    # Once it is seen where it is nothing else is said.
+    viewer.quiet()
+    expect(viewer.playback[1] == nanos, f'it is said to be at {viewer.playback[1]}, and is at {nanos}')
+    newcomer = greeted(replay)
+    newcomer.until(lambda: newcomer.playback, 'a word to who comes of how a replay plays')
+    expect(newcomer.playback[:2] == (1, nanos), f'who comes is told {newcomer.playback}')
+    newcomer.close()
     viewer.play(True, speed=2.0)
     expect(len(scans_of(viewer, 'statistics', 2)) >= 2, 'it goes on')
     viewer.close()
@@ -353,9 +385,10 @@ def played(folder):
 
 
 def every_topic_at_the_end(viewer):
-    """What is said every second stands with the last scan too."""
+    """What is said every second stands with the last scan too, and a line of the log with one scan only: so slowly that none is
+    left out."""
     viewer.subscribe(sorted(set(viewer.channels) - {c['topic'] for c in viewer.topics.values()}))
-    viewer.play(True, speed=4.0, seek=None)
+    viewer.play(True, speed=0.1, seek=None)
     seen = {}
 
     def complete():

@@ -66,10 +66,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         crate::say!("recording beside {}: Ctrl-C ends", running.name());
     }
     let attached = attach(recorder, |told| wishes.next(told)).map_err(|error| match error {
-        AttachError::Bus(error) => Failure::failed(format!(
-            "cannot join {}: {error}; only so many may listen to a run at once",
-            running.name()
-        )),
+        AttachError::Bus(error) => {
+            Failure::failed(format!("cannot join {}: {error}", running.name()))
+        }
         error => Failure::failed(error),
     })?;
     match args.json {

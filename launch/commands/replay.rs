@@ -145,15 +145,21 @@ fn recorded_changes(
     };
     let mut changes = source.changes();
     changes.retain(|change| graph.has(&change.node) && !is_set(change));
-    if args.repeat && !changes.is_empty() {
+    let place = |change: &Change| {
+        let before = |(scan, _): &(u64, u64)| *scan < change.from;
+        selection.scans.partition_point(before)
+    };
+    changes.retain(|change| place(change) < selection.scans.len());
+    // What holds from the first scan on holds in every round.
+    if let Some(change) = changes.iter().find(|change| place(change) > 0)
+        && args.repeat
+    {
         return Err(Failure::usage(format!(
-            "{}: it cannot be played in a loop; --set that key, or leave --loop out",
-            changes[0]
+            "{change}: it cannot be played in a loop; --set that key, or leave --loop out"
         )));
     }
     for change in &mut changes {
-        let before = |(scan, _): &(u64, u64)| *scan < change.from;
-        change.from = selection.scans.partition_point(before) as u64;
+        change.from = place(change) as u64;
     }
     Ok(changes)
 }

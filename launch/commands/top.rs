@@ -25,9 +25,22 @@ const HEAR_EVERY: Duration = Duration::from_millis(20);
 const PATIENCE: Duration = Duration::from_secs(4);
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let watches = Running::all(args.run.as_deref())?;
-    let watches = watches.into_iter().map(Watch::start);
-    let watches: Vec<Watch> = watches.collect::<Result<_, _>>()?;
+    let (mut watches, mut unwatched) = (Vec::new(), Vec::new());
+    for running in Running::all(args.run.as_deref())? {
+        match Watch::start(running) {
+            Ok(watch) => watches.push(watch),
+            Err(failure) => unwatched.push(failure),
+        }
+    }
+    if watches.is_empty()
+        && let Some(failure) = unwatched.pop()
+    {
+        return Err(failure);
+    }
+    // One that cannot be watched keeps nobody from watching the others.
+    for failure in unwatched {
+        crate::say!("top: {}", failure.text);
+    }
     let every = Duration::from_secs_f64(args.every);
     let end = signals::flag(&signals::END)?;
     let is_live = std::io::stdout().is_terminal() && !args.once && !args.json;

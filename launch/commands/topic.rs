@@ -1,14 +1,16 @@
-//! `tricurve topic`: the topics of a graph that runs.
+//! `tricurve topic`: the topics that nodes of a running graph send each other. What recorders and viewers make of them for
+//! themselves is on no bus: see [`Content`].
 
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
 use messages::bus::{Hearer, LOOK_EVERY, Received};
-use messages::record::Schema;
+use messages::record::{Channel, Codec, Content, Schema, Shown};
 use messages::{Section, Topic};
 use serde::Serialize;
 
 use crate::cli::{TopicArgs, TopicCommand};
+use crate::node::Orders;
 use crate::running::Running;
 use crate::{Failure, Outcome};
 
@@ -63,6 +65,12 @@ fn find(running: &Running, name: &str) -> Result<Topic, Failure> {
     let topics = topics(running);
     let found = topics.iter().find(|topic| topic.name == name);
     found.cloned().ok_or_else(|| {
+        if is_derived(running, name) {
+            return Failure::usage(format!(
+                "{name} is made only where a graph is recorded or viewed, and nodes do not send it: look at it with \
+                 `tricurve view` or `tricurve record`"
+            ));
+        }
         let names = || topics.iter().map(|topic| topic.name.as_str());
         Failure::usage(match messages::settings::nearest(name, names()) {
             Some(near) => format!("the run has no topic {name}; do you mean {near}?"),
@@ -74,15 +82,25 @@ fn find(running: &Running, name: &str) -> Result<Topic, Failure> {
     })
 }
 
+/// Whether recordings and viewers have this topic, made of what nodes send.
+fn is_derived(running: &Running, name: &str) -> bool {
+    let Orders {
+        run, configuration, ..
+    } = &running.orders;
+    let reference = bridge::node::reference_of(run, configuration);
+    let codec = Codec::new(run.rig.clone(), reference);
+    let channels = codec.channels_of(Shown::ALL, &run.kinds());
+    let is_it = |channel: &Channel| channel.name == name;
+    channels
+        .iter()
+        .any(|channel| is_it(channel) && !matches!(channel.content, Content::Data(_)))
+}
+
 fn listen(running: &Running, topic: &Topic) -> Result<Hearer, Failure> {
     let name = format!("topic.{}", std::process::id());
     let topics = std::slice::from_ref(topic);
-    Hearer::join(&running.orders.run, &name, topics).map_err(|error| {
-        Failure::failed(format!(
-            "cannot listen to {}: {error}; only so many may listen to a run at once",
-            running.name()
-        ))
-    })
+    Hearer::join(&running.orders.run, &name, topics)
+        .map_err(|error| Failure::failed(format!("cannot listen to {}: {error}", running.name())))
 }
 
 fn list(running: &Running, json: bool) -> Result<(), Failure> {
@@ -257,15 +275,12 @@ fn echo(
                 )
                 .collect(),
         };
-        match json {
-            true => {
-                let line = serde_json::to_string(&echo).map_err(Failure::failed)?;
-                super::print(&(line + "\n"))?;
-            }
-            false => super::print(&text(&echo))?,
-        }
+        let text = match json {
+            true => serde_json::to_string(&echo).map_err(Failure::failed)? + "\n",
+            false => text(&echo),
+        };
         rest -= 1;
-        Ok(rest > 0)
+        Ok(super::print_on(&text)? && rest > 0)
     })
 }
 

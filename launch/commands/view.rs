@@ -9,12 +9,13 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use bridge::{Live, LiveError, Player, Settings, Viewing};
+use messages::Rig;
 use messages::record::{Codec, Shown};
 use messages::recording::Recording;
 use messages::settings::Settings as _;
 
 use crate::cli::View as Args;
-use crate::layout::{self, Checked, LAYOUT, There};
+use crate::layout::{self, Checked, There};
 use crate::node::give_way;
 use crate::running::Running;
 use crate::{Failure, Outcome, rundir, signals};
@@ -24,7 +25,12 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.layout {
-        super::print(LAYOUT)?;
+        let recording = args.file.as_deref().map(Recording::open).transpose();
+        let recording = recording.map_err(Failure::failed)?;
+        let rig = recording
+            .as_ref()
+            .map(|recording| &recording.metadata().rig);
+        super::print(&layout::layout(rig))?;
         return Ok(Outcome::Done);
     }
     let settings = Settings {
@@ -51,15 +57,16 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
     }
     if args.check {
         let there = there_in(&mut recording)?;
-        return checked(args, &there);
+        return checked(args, &recording.metadata().rig, &there);
     }
+    let rig = recording.metadata().rig.clone();
     let scans = recording.scans().len();
     let path = recording.path().display().to_string();
     let end = signals::flag(&signals::END)?;
     let mut player =
         Player::start(recording, settings, args.start_paused, HOW).map_err(Failure::failed)?;
     let title = format!("{path}: {scans} scans, played as the viewer says; Ctrl-C ends");
-    tell(args, &title, player.address(), Some(file))?;
+    tell(args, &title, player.address(), &rig, Some(file))?;
     while !end.load(Ordering::Relaxed) {
         player.turn().map_err(Failure::failed)?;
         say_slow(&player.slow());
@@ -78,7 +85,7 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
     if args.check {
         let codec = Codec::new(orders.run.rig.clone(), reference);
         let channels = codec.channels_of(Shown::ALL, &orders.run.kinds());
-        return checked(args, &There::promised(&codec, channels));
+        return checked(args, &orders.run.rig, &There::promised(&codec, channels));
     }
     // A graph waits for nobody who looks at it: neither for memory nor for a processor.
     give_way();
@@ -90,16 +97,16 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
         how: HOW,
     })
     .map_err(|error| match error {
-        LiveError::Bus(error) => Failure::failed(format!(
-            "cannot join {}: {error}; only so many may listen to a run at once",
-            running.name()
-        )),
+        LiveError::Bus(error) => {
+            Failure::failed(format!("cannot join {}: {error}", running.name()))
+        }
         error => Failure::failed(error),
     })?;
     let title = format!("the running graph {}: Ctrl-C ends the view", running.name());
-    tell(args, &title, viewing.address(), None)?;
+    tell(args, &title, viewing.address(), &orders.run.rig, None)?;
     let mut next_look = Instant::now();
     while !end.load(Ordering::Relaxed) {
+        viewing.wait();
         viewing.turn().map_err(Failure::failed)?;
         say_slow(&viewing.slow());
         if next_look <= Instant::now() {
@@ -122,12 +129,20 @@ fn say_slow(viewers: &[SocketAddr]) {
 
 fn say_missed((missed, offered): (u64, u64)) {
     if missed > 0 {
-        crate::say!("view: viewers did not get {missed} of {offered} scans: they were too slow");
+        crate::say!(
+            "view: viewers did not get {missed} of {offered} scans: they, or the bridge, were too slow"
+        );
     }
 }
 
 /// Says where viewers find it, and opens one if that is wanted.
-fn tell(args: &Args, title: &str, address: SocketAddr, file: Option<&Path>) -> Result<(), Failure> {
+fn tell(
+    args: &Args,
+    title: &str,
+    address: SocketAddr,
+    rig: &Rig,
+    file: Option<&Path>,
+) -> Result<(), Failure> {
     if !address.ip().is_loopback() {
         crate::say!(
             "view: warning: everybody on the network can see all images and turn all parameters: nobody is asked for a password"
@@ -150,8 +165,11 @@ fn tell(args: &Args, title: &str, address: SocketAddr, file: Option<&Path>) -> R
             "tricurve record -o now.mcap --scans 100 && rerun --bind 127.0.0.1 now.mcap".to_owned()
         }
     };
-    let layout = layout_file().map_or_else(
-        |_| "tricurve view --layout > layout.json".to_owned(),
+    let file = file.map_or(String::new(), |file| {
+        quoted(&file.display().to_string()) + " "
+    });
+    let layout = layout_file(rig).map_or_else(
+        |_| format!("tricurve view {file}--layout > layout.json"),
         |path| path.display().to_string(),
     );
     super::print(&format!(
@@ -174,7 +192,14 @@ fn tell(args: &Args, title: &str, address: SocketAddr, file: Option<&Path>) -> R
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn();
-        if let Err(error) = opened {
+        // It is waited for beside the view, so that nothing of it stays.
+        let waited = opened.and_then(|mut child| {
+            let wait = move || child.wait().map_or((), drop);
+            std::thread::Builder::new()
+                .name("open".to_owned())
+                .spawn(wait)
+        });
+        if let Err(error) = waited {
             crate::say!("view: cannot open a browser with {opener}: {error}");
         }
     }
@@ -195,19 +220,27 @@ fn foxglove_url(server: &str) -> String {
     format!("https://app.foxglove.dev/~/view?ds=foxglove-websocket&ds.url={escaped}")
 }
 
-/// The layout as a file to import, written to the user's cache.
-fn layout_file() -> std::io::Result<PathBuf> {
+/// The layout as a file to import, written to the user's cache under a name of its finest channel's.
+fn layout_file(rig: &Rig) -> std::io::Result<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
     let cache = set("XDG_CACHE_HOME")
         .map(PathBuf::from)
         .or_else(|| Some(PathBuf::from(set("HOME")?).join(".cache")));
     let cache = cache.ok_or(std::io::ErrorKind::NotFound)?;
-    let path = cache.join("tricurve").join("layout.json");
-    if fs::read(&path).is_ok_and(|written| written == LAYOUT.as_bytes()) {
+    let layout = layout::layout(Some(rig));
+    let name = match layout == layout::layout(None) {
+        true => "layout.json".to_owned(),
+        false => {
+            let finest = rig.channels.last().copied().unwrap_or_default();
+            format!("layout-{finest}.json")
+        }
+    };
+    let path = cache.join("tricurve").join(name);
+    if fs::read(&path).is_ok_and(|written| written == layout.as_bytes()) {
         return Ok(path);
     }
     fs::create_dir_all(cache.join("tricurve"))?;
-    fs::write(&path, LAYOUT)?;
+    fs::write(&path, layout)?;
     Ok(path)
 }
 
@@ -249,8 +282,8 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
     Ok(there)
 }
 
-fn checked(args: &Args, there: &There) -> Result<Outcome, Failure> {
-    let checked = layout::check(LAYOUT, there).map_err(Failure::failed)?;
+fn checked(args: &Args, rig: &Rig, there: &There) -> Result<Outcome, Failure> {
+    let checked = layout::check(&layout::layout(Some(rig)), there).map_err(Failure::failed)?;
     let Checked {
         panels,
         references,

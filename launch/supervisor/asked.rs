@@ -3,8 +3,13 @@
 //! ```text
 //! set ─► queued ─► Hold to the source ─► Held (so many scans went in) ─► written down ─► Change to all ─► noted by all ─► Go
 //! ```
+//!
+//! Guests compute nothing of a scan, so nobody waits for one to note what was set. Any other node that does not in time is
+//! ended: the one that takes its place reads it. To open the door without it could give two of a scan's messages different
+//! settings.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use crossbeam::channel::Sender;
 use messages::bus::{self, Answer, Ask, Command, Level, NodeState, Play, Playing, State};
@@ -19,6 +24,18 @@ pub(super) struct Pending {
     replies: Vec<Sender<Answer>>,
     /// The nodes that have not noted them yet, once it is known from which scan on they hold.
     waiting: Option<Vec<usize>>,
+    /// When those that are waited for were last told.
+    told: Instant,
+}
+
+/// What the source was told, and who waits for it to have done so.
+pub(super) type Told = (Play, Option<Sender<Answer>>);
+
+impl Pending {
+    /// The nodes that are waited for: the source until it has said how many scans went in, then all that must note it.
+    fn late(&self) -> Vec<usize> {
+        self.waiting.clone().unwrap_or_else(|| vec![0])
+    }
 }
 
 impl<W: Watcher> Supervisor<'_, W> {
@@ -32,7 +49,7 @@ impl<W: Watcher> Supervisor<'_, W> {
             }
             Ask::Source => Some(Answer::State(Box::new(self.state()))),
             Ask::Set { values } => self.set(&values, &reply),
-            Ask::Play { play } => Some(self.play(play)),
+            Ask::Play { play } => self.play(play, &reply),
             Ask::Snapshot if self.playing.is_some_and(|playing| playing.is_paused) => {
                 let why = "the graph is paused: no scan comes that could be written".to_owned();
                 Some(Answer::Refused { why })
@@ -46,12 +63,26 @@ impl<W: Watcher> Supervisor<'_, W> {
 
     /// The source says how it plays.
     pub(super) fn playing(&mut self, playing: Playing) {
-        self.playing = Some(playing);
+        let before = self.playing.replace(playing);
         let state = self.state();
         for reply in self.curious.drain(..) {
             let state = Answer::State(Box::new(state.clone()));
             reply.send(state).unwrap_or_default();
         }
+        // It says so once by itself, and then once whenever it is told to play otherwise.
+        let Some(before) = before else {
+            return;
+        };
+        if let Some((play, Some(reply))) = self.told.pop_front() {
+            let text = done(play, before.is_paused).to_owned();
+            reply.send(Answer::Done { text }).unwrap_or_default();
+        }
+    }
+
+    /// Tells the source to play otherwise.
+    pub(super) fn tell_to_play(&mut self, play: Play, reply: Option<Sender<Answer>>) {
+        self.told.push_back((play, reply));
+        self.nodes[0].tell(&Command::Play { play });
     }
 
     fn state(&self) -> State {
@@ -73,7 +104,8 @@ impl<W: Watcher> Supervisor<'_, W> {
         }
     }
 
-    fn play(&mut self, play: Play) -> Answer {
+    /// Plays otherwise; gives the answer when that cannot be.
+    fn play(&mut self, play: Play, reply: &Sender<Answer>) -> Option<Answer> {
         let playing = self.playing.unwrap_or_default();
         let why = match play {
             Play::Seek(_) | Play::Rate(_) | Play::Faster | Play::Slower
@@ -88,11 +120,10 @@ impl<W: Watcher> Supervisor<'_, W> {
             _ => None,
         };
         if let Some(why) = why.map(str::to_owned) {
-            return Answer::Refused { why };
+            return Some(Answer::Refused { why });
         }
-        self.nodes[0].tell(&Command::Play { play });
-        let text = "played so".to_owned();
-        Answer::Done { text }
+        self.tell_to_play(play, Some(reply.clone()));
+        None
     }
 
     /// Sets parameters otherwise, from the next scan on; gives the answer when there is nothing to wait for.
@@ -126,15 +157,24 @@ impl<W: Watcher> Supervisor<'_, W> {
         if self.pending.is_some() || self.queued.is_empty() {
             return;
         }
-        let (mut changes, mut replies) = (Vec::new(), Vec::new());
+        let (mut changes, mut replies) = (Vec::<Change>::new(), Vec::new());
         for (more, reply) in self.queued.drain(..) {
-            changes.extend(more);
+            for change in more {
+                let is_it =
+                    |known: &&mut Change| (&known.node, &known.key) == (&change.node, &change.key);
+                // What is set twice before any scan comes holds as it was set last.
+                match changes.iter_mut().find(is_it) {
+                    Some(known) => known.value = change.value,
+                    None => changes.push(change),
+                }
+            }
             replies.push(reply);
         }
         self.pending = Some(Pending {
             changes,
             replies,
             waiting: None,
+            told: Instant::now(),
         });
         self.nodes[0].tell(&Command::Hold);
     }
@@ -163,13 +203,37 @@ impl<W: Watcher> Supervisor<'_, W> {
                     before,
                     changes: changes.clone(),
                 });
-                waiting.push(place);
+                if !self.duty.guests.contains(&node.name) {
+                    waiting.push(place);
+                }
             }
         }
         for change in &changes {
             self.watcher.say(Level::Info, "launch", &change.to_string());
         }
         pending.waiting = Some(waiting);
+        pending.told = Instant::now();
+    }
+
+    /// Ends the nodes that stand still while the door waits for them to note what was set.
+    pub(super) fn end_who_does_not_note(&mut self) {
+        let patience = self.duty.patience;
+        let is_late = |pending: &&mut Pending| pending.told.elapsed() > patience;
+        let Some(pending) = self.pending.as_mut().filter(is_late) else {
+            return;
+        };
+        pending.told = Instant::now();
+        for place in pending.late() {
+            let node = &mut self.nodes[place];
+            let text = format!(
+                "{} has not noted what was set within {} s: it is ended",
+                node.name,
+                patience.as_secs_f64()
+            );
+            self.watcher.say(Level::Warn, "launch", &text);
+            // Its death is heard elsewhere, and one that is dead already cannot be ended.
+            node.child.kill().unwrap_or_default();
+        }
     }
 
     /// A node knows all changes, or is no more.
@@ -205,5 +269,18 @@ impl<W: Watcher> Supervisor<'_, W> {
         self.pending = None;
         self.nodes[0].tell(&Command::Go);
         self.hold();
+    }
+}
+
+/// What was done, in words.
+fn done(play: Play, was_paused: bool) -> &'static str {
+    match (play, was_paused) {
+        (Play::Stop, true) => "it was paused already",
+        (Play::Stop, false) | (Play::Pause, false) => "paused",
+        (Play::Resume, false) => "it was playing already",
+        (Play::Resume, true) | (Play::Pause, true) => "playing",
+        (Play::Step, _) => "one more scan, then paused",
+        (Play::Faster | Play::Slower | Play::Rate(_), _) => "the rate is set",
+        (Play::Seek(_), _) => "it goes on there",
     }
 }

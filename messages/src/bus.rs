@@ -32,7 +32,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use crossbeam::channel::Receiver;
+use crossbeam::channel::{Receiver, Select};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -172,6 +172,12 @@ pub enum BusError {
         /// The scan.
         sequence: u64,
     },
+    /// So many listen already that there is room for nobody else.
+    #[error(
+        "a run has room for {0} listeners beside its own nodes, and they are there already: end a viewer, a recorder, a \
+         `top` or a `topic`"
+    )]
+    Full(usize),
     /// The node is not in the run's plan.
     #[error("the run has no node named {0}")]
     Unknown(String),
@@ -584,6 +590,17 @@ impl Bus {
         }
         self.book.borrow_mut().mark = Some(Instant::now());
         Ok(self.waiting.pop_front())
+    }
+
+    /// Waits until the launcher asks for something, `others` has something or the time is over; for a node that has more
+    /// to hear than its inbox.
+    pub fn wait_beside<T>(&self, others: &Receiver<T>, timeout: Duration) {
+        let mut either = Select::new();
+        either.recv(&self.commands);
+        either.recv(others);
+        // Which of them it is, or that it is none, is seen where they are read.
+        let heard = either.ready_timeout(timeout);
+        heard.map(drop).unwrap_or_default();
     }
 
     fn until_report(&self) -> Duration {

@@ -28,7 +28,7 @@ pub struct View {
 
 /// One camera that moves along a rail: a scan is one frame, and three frames that follow each other at a stride are a
 /// triple.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rail {
     /// Frames from one member of a triple to the next: s in (k−2s, k−s, k).

@@ -12,8 +12,48 @@ pub struct Key {
     pub name: &'static str,
     /// What it means, with its unit.
     pub about: &'static str,
+    /// Its type, as the table of settings writes it.
+    pub kind: &'static str,
     /// The least and the greatest value allowed, where it is a number or a list of numbers.
     pub range: Option<(f64, f64)>,
+}
+
+impl Key {
+    /// Whether it takes whole numbers only.
+    pub fn is_whole(&self) -> bool {
+        matches!(self.taken().0, "u32" | "u64" | "usize")
+    }
+
+    /// What it takes, in words; not of a choice between names, which only its type knows.
+    pub fn takes(&self) -> Option<String> {
+        let (kind, is_optional) = self.taken();
+        let what = match kind {
+            "f32" | "f64" => "a number",
+            _ if self.is_whole() => "a whole number",
+            "bool" => "true or false",
+            "String" => "a text",
+            _ => match kind.strip_prefix("Vec<") {
+                Some("String>") => "a list of texts",
+                Some("f32>" | "f64>") => "a list of numbers",
+                Some("u32>" | "u64>" | "usize>") => "a list of whole numbers",
+                _ => return None,
+            },
+        };
+        let range = self
+            .range
+            .map(|(least, most)| format!(" from {least} to {most}"));
+        let or = if is_optional { ", or automatic" } else { "" };
+        Some(format!("{what}{}{or}", range.unwrap_or_default()))
+    }
+
+    /// The type of a value that is set, and whether it need not be.
+    fn taken(&self) -> (&'static str, bool) {
+        let inner = self.kind.strip_prefix("Option<");
+        match inner.and_then(|inner| inner.strip_suffix('>')) {
+            Some(inner) => (inner, true),
+            None => (self.kind, false),
+        }
+    }
 }
 
 /// A value that is out of range.
@@ -121,6 +161,7 @@ macro_rules! settings {
             const KEYS: &'static [$crate::settings::Key] = &[$($crate::settings::Key {
                 name: stringify!($key),
                 about: concat!($doc $(, $more)*),
+                kind: stringify!($type),
                 range: $crate::settings!(@range $($least, $most)?),
             },)*];
 
@@ -175,6 +216,23 @@ mod tests {
         assert_eq!(names, ["channels", "high", "mirror"]);
         assert_eq!(Sample::KEYS[0].range, Some((0.5, 400.0)));
         assert_eq!(Sample::KEYS[2].range, None);
+    }
+
+    #[test]
+    fn a_key_says_in_words_what_it_takes() {
+        let takes = |key: usize| Sample::KEYS[key].takes().unwrap_or_default();
+        assert_eq!(takes(0), "a list of numbers from 0.5 to 400");
+        assert_eq!(takes(1), "a number from 0 to 255, or automatic");
+        assert_eq!(takes(2), "true or false");
+        let whole = Key {
+            kind: "Option<usize>",
+            ..Sample::KEYS[2].clone()
+        };
+        assert!(whole.is_whole());
+        assert_eq!(
+            whole.takes().as_deref(),
+            Some("a whole number, or automatic")
+        );
     }
 
     #[test]

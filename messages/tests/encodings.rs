@@ -9,8 +9,8 @@ use messages::payload::SECTIONS;
 use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Said, Shown, Span, Views};
 use messages::{
     AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Evaluation,
-    Header, Image, Kind, List, Match, Matches, NONE, Owned, Points, Reason, Rejected, Rig, Size,
-    Table, Tables, Topic, Truth,
+    Growing, Header, Image, Kind, List, Map, Match, Matches, NONE, Owned, Points, Rail, Reason,
+    Rejected, Rig, Size, Table, Tables, Topic, Truth,
 };
 
 /// Numbers that look random and never change.
@@ -88,6 +88,8 @@ sample! {
     };
     Disparity { disparity } |_| {};
     Points { points } |_| {};
+    Map { points } |_| {};
+    Growing { points } |_| {};
     Truth { disparity } |_| {};
     Evaluation { scores curve } |_| {};
 }
@@ -151,10 +153,20 @@ fn assert_round_trip<M: Sample>(random: &mut Random, topic: &Topic, size: Size, 
     assert!(again == bytes, "{}", topic.name);
 }
 
+/// The topics of a rig, and those that only a rail has.
+fn topics() -> Vec<Topic> {
+    let rail = Rig::of_rail(Rail::default(), &rig().channels, rig().size);
+    let map = [Kind::Map, Kind::Growing].map(|kind| Topic::of(&rail, kind));
+    Topic::all(&rig())
+        .into_iter()
+        .chain(map.into_iter().flatten())
+        .collect()
+}
+
 /// Does something for every topic with its kind.
 macro_rules! for_every_topic {
     ($topic:ident, $kind:ident => $do:expr) => {
-        for $topic in &Topic::all(&rig()) {
+        for $topic in &topics() {
             macro_rules! with {
                 ($each:ident) => {{
                     type $kind = $each;
@@ -169,6 +181,8 @@ macro_rules! for_every_topic {
                 Kind::Matches => with!(Matches),
                 Kind::Disparity => with!(Disparity),
                 Kind::Points => with!(Points),
+                Kind::Map => with!(Map),
+                Kind::Growing => with!(Growing),
                 Kind::Truth => with!(Truth),
                 Kind::Evaluation => with!(Evaluation),
             }
@@ -1122,4 +1136,16 @@ fn channels_have_names_of_their_own_and_all_data_topics_are_there() {
 fn any_view_knows_its_kind() {
     let points = Owned::<Points>::new(Size::new(2, 2));
     assert_eq!(AnyView::from(points.view()).kind(), Kind::Points);
+}
+
+#[test]
+fn where_a_camera_stood_along_its_rail_is_read_from_the_transforms() {
+    let rail = Rig::of_rail(Rail::default(), &[1.5], Size::new(40, 30));
+    let codec = Codec::new(rail, 0);
+    for position in [0.0, -1.25, 0.1 + 0.2, 1e9] {
+        let mut bytes = Vec::new();
+        codec.transforms(NANOS, Size::new(40, 30), position, &mut bytes);
+        assert_eq!(codec.position_in(&bytes), Some(position));
+        assert!(codec.position_in(&bytes[..bytes.len() / 3]).is_none());
+    }
 }

@@ -70,7 +70,8 @@ impl Summary {
             balanced: ran.ledger.is_balanced(),
             ledger: ran.ledger.clone(),
             outcome: ran.outcome,
-            warnings: doubts(&ran.reports).collect(),
+            // Of what never began nothing is to be said.
+            warnings: doubts(&ran.reports).filter(|_| scans > 0).collect(),
             recording: recording.filter(|path| path.exists()).map(Path::to_owned),
             has_images: ran.ledger.nodes.contains_key("capture"),
         }
@@ -104,6 +105,10 @@ fn doubts(reports: &[NodeReport]) -> impl Iterator<Item = String> {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Why nothing began is said elsewhere, and there is nothing to tell of it.
+        if self.ledger.admitted == 0 && self.outcome == Outcome::Failed {
+            return Ok(());
+        }
         writeln!(
             f,
             "{} scans in {:.2} s: {:.1} triples/s\n",
@@ -119,9 +124,16 @@ impl fmt::Display for Summary {
                 .counts
                 .iter()
                 .filter(|(name, count)| **count > 0 && *name != "scans");
-            let mut notes: Vec<String> = counts
-                .map(|(name, n)| format!("{:.0} {name}", each(n)))
-                .collect();
+            // What rounds to none of a scan is told of all scans, and what belongs to it too.
+            let is_rare = counts.clone().any(|(_, n)| each(n) < 0.5);
+            let note = |(name, n): (&String, &u64)| match is_rare {
+                true => format!("{n} {name}"),
+                false => format!("{:.0} {name}", each(n)),
+            };
+            let mut notes: Vec<String> = counts.map(note).collect();
+            if is_rare {
+                notes.push("in all".to_owned());
+            }
             if node.restarts > 0 {
                 notes.push(format!(
                     "restarted {} times, {} duplicates",

@@ -75,7 +75,7 @@ pub(super) fn show(
         let now = Instant::now();
         if is_all && now >= next_search {
             next_search = now + SEARCH_EVERY;
-            top.search()?;
+            top.search();
         }
         if now >= next_look || top.is_new {
             next_look = now + every;
@@ -146,17 +146,20 @@ impl Top {
         Ok(())
     }
 
-    /// Watches graphs that have begun meanwhile.
-    fn search(&mut self) -> Result<(), Failure> {
+    /// Watches graphs that have begun meanwhile. One that cannot be watched keeps nobody from watching the others.
+    fn search(&mut self) {
         // When there are none the last one has just ended, which is seen elsewhere.
         for running in Running::all(None).unwrap_or_default() {
             if self.seen.insert(running.name()) {
-                let mut watch = Watch::start(running)?;
-                self.figures.push(watch.look());
-                self.watches.push(watch);
+                match Watch::start(running) {
+                    Ok(mut watch) => {
+                        self.figures.push(watch.look());
+                        self.watches.push(watch);
+                    }
+                    Err(failure) => self.note = failure.text,
+                }
             }
         }
-        Ok(())
     }
 
     fn look(&mut self) {
@@ -166,9 +169,8 @@ impl Top {
 
     fn press(&mut self, key: KeyEvent) -> Wish {
         let asked = self.asked.take();
-        if asked.is_some() {
-            self.note.clear();
-        }
+        // Whoever presses a key has read it.
+        self.note.clear();
         let nodes = self.figures.get(self.graph).map_or(0, |f| f.nodes.len());
         let graphs = self.figures.len();
         let with_control = key.modifiers.contains(KeyModifiers::CONTROL);
@@ -224,8 +226,9 @@ impl Top {
 
     /// Draws it: as much above as needed goes out of sight, so that the chosen graph is seen.
     fn draw(&self, frame: &mut Frame<'_>) {
-        let [table, foot] =
-            Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(frame.area());
+        let note_height = Constraint::Length(u16::from(!self.note.is_empty()));
+        let heights = [Constraint::Min(0), note_height, Constraint::Length(1)];
+        let [table, note, foot] = Layout::vertical(heights).areas(frame.area());
         let mut rows: Vec<Line<'_>> = Vec::new();
         let (mut first, mut end) = (0, 0);
         for (place, figures) in self.figures.iter().enumerate() {
@@ -245,13 +248,9 @@ impl Top {
         let above = end.saturating_sub(height).min(first);
         let rows: Vec<Line<'_>> = rows.into_iter().skip(above).collect();
         frame.render_widget(Paragraph::new(rows), table);
-        let note = if self.note.is_empty() {
-            HELP
-        } else {
-            &self.note
-        };
-        let style = Style::new().add_modifier(Modifier::DIM);
-        frame.render_widget(Paragraph::new(note).style(style), foot);
+        let dim = Style::new().add_modifier(Modifier::DIM);
+        frame.render_widget(Paragraph::new(self.note.as_str()), note);
+        frame.render_widget(Paragraph::new(HELP).style(dim), foot);
     }
 
     fn style(&self, kind: Kind, is_chosen: bool) -> Style {
@@ -334,7 +333,9 @@ mod tests {
         let mut top = top(2);
         press(&mut top, &[KeyCode::Left, KeyCode::Up, KeyCode::Char('r')]);
         assert_eq!(top.asked, Some((1, "track".to_owned())));
-        assert!(screen(&top, 20).contains("restart track of run1? y: yes"));
+        let seen = screen(&top, 20);
+        assert!(seen.contains("restart track of run1? y: yes"), "{seen}");
+        assert!(seen.contains("q end"), "the keys stay in sight: {seen}");
         press(&mut top, &[KeyCode::Esc]);
         assert_eq!(top.asked, None);
         press(&mut top, &[KeyCode::Char('y')]);

@@ -1,7 +1,8 @@
 //! What is asked of a running graph from outside: how it is set, to set it otherwise, to pause.
 //!
 //! The launcher listens at a socket in the run's folder, which is private to its user: a line of JSON is an [`Ask`], the
-//! line that comes back its [`Answer`].
+//! line that comes back its [`Answer`]. Who waits for somebody waits longer than that one does in turn: a snapshot gives up
+//! before the launcher, the launcher before who asks, and who asks before a viewer that asked it.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -19,8 +20,8 @@ use super::{Play, Playing, Progress};
 
 /// The longest line that is read, in bytes.
 pub const LONGEST_LINE: u64 = 1 << 20;
-/// How long an answer may take.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// How much longer who asks waits than the launcher takes at most.
+const LEEWAY: Duration = Duration::from_secs(5);
 
 /// What is asked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,6 +43,19 @@ pub enum Ask {
     },
     /// Write the scans that come now to a file of their own.
     Snapshot,
+}
+
+impl Ask {
+    /// How long the launcher may take; after that it says what it is waiting for.
+    pub fn patience(&self) -> Duration {
+        Duration::from_secs(match self {
+            Self::State | Self::Play { .. } => 5,
+            Self::Source => 10,
+            Self::Snapshot => 40,
+            // Nodes that do not note it are ended after `graph.patience`, and others take their places.
+            Self::Set { .. } => 90,
+        })
+    }
 }
 
 /// What comes back.
@@ -130,15 +144,54 @@ pub fn socket_of(run: &Path) -> PathBuf {
 /// # Errors
 /// When the launcher is gone or does not answer in time.
 pub fn ask(run: &Path, ask: &Ask) -> io::Result<Answer> {
+    let patience = ask.patience() + LEEWAY;
     let mut stream = UnixStream::connect(socket_of(run))?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
+    stream.set_read_timeout(Some(patience))?;
+    stream.set_write_timeout(Some(patience))?;
     let mut line = serde_json::to_vec(ask)?;
     line.push(b'\n');
-    stream.write_all(&line)?;
     let mut answer = String::new();
-    BufReader::new(stream)
-        .take(LONGEST_LINE)
-        .read_line(&mut answer)?;
-    Ok(serde_json::from_str(&answer)?)
+    let asked = stream.write_all(&line).and_then(|()| {
+        BufReader::new(stream)
+            .take(LONGEST_LINE)
+            .read_line(&mut answer)
+    });
+    match asked {
+        Ok(0) => {
+            let why = "it is ending, or too many ask at once";
+            Err(io::Error::new(io::ErrorKind::UnexpectedEof, why))
+        }
+        Ok(_) => Ok(serde_json::from_str(&answer)?),
+        // The system's word for a time that is over says nothing to a user.
+        Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+            let why = format!("nothing came within {} s", patience.as_secs());
+            Err(io::Error::new(io::ErrorKind::TimedOut, why))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
+    use std::os::unix::net::UnixListener;
+
+    use super::*;
+
+    #[test]
+    fn a_launcher_that_hangs_up_is_told_in_words() {
+        let run = std::env::temp_dir().join(format!("tricurve-ask-{}", std::process::id()));
+        fs::create_dir_all(&run).unwrap();
+        let launcher = UnixListener::bind(socket_of(&run)).unwrap();
+        let hang_up = std::thread::spawn(move || {
+            let (stream, _) = launcher.accept().unwrap();
+            BufReader::new(stream)
+                .read_line(&mut String::new())
+                .unwrap();
+        });
+        let error = ask(&run, &Ask::State).unwrap_err();
+        hang_up.join().unwrap();
+        fs::remove_dir_all(&run).unwrap();
+        assert_eq!(error.to_string(), "it is ending, or too many ask at once");
+    }
 }

@@ -83,6 +83,9 @@ pub struct Playing {
     pub span: Option<(u64, u64)>,
     /// When the next scan was taken, where it is known beforehand.
     pub next_nanos: Option<u64>,
+    /// Number of the first scan let in since it was last sought in; those before it are of another place.
+    #[serde(default)]
+    pub sought_from: Option<u64>,
 }
 
 /// How grave a log line is.

@@ -12,7 +12,7 @@ use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
@@ -119,6 +119,14 @@ macro_rules! service {
     };
 }
 
+/// Why a subscriber could not be made.
+fn not_subscribed(what: impl Into<String>, error: SubscriberCreateError) -> BusError {
+    match error {
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => BusError::Full(GUESTS),
+        error => BusError::port(what, error),
+    }
+}
+
 impl Ports {
     pub(super) fn new(run: &Run, name: &str) -> Result<Self, BusError> {
         Ok(Self {
@@ -149,7 +157,7 @@ impl Ports {
         self.data_service(topic)?
             .subscriber_builder()
             .create()
-            .map_err(|e| BusError::port(format!("subscribe to {}", topic.name), e))
+            .map_err(|e| not_subscribed(format!("subscribe to {}", topic.name), e))
     }
 
     fn finishers(&self) -> usize {
@@ -189,7 +197,7 @@ impl Ports {
                  subscribers 2, buffer REPORTS, overflow true)?
         .subscriber_builder()
         .create()
-        .map_err(|e| BusError::port("hear reports", e))
+        .map_err(|e| not_subscribed("hear reports", e))
     }
 
     /// Where a program from outside publishes the frames of a view.

@@ -419,14 +419,18 @@ impl Recording {
             .next_back()
     }
 
-    /// The settings that were changed while it was recorded, in order, by its own scans' numbers.
+    /// The settings that were changed while it was recorded, in order, by its own scans' numbers; without those that hold
+    /// for none of its scans.
     pub fn changes(&self) -> Vec<Change> {
         let records = self.parts.iter().flat_map(|part| &part.contents.metadata);
         let told = records
             .filter(|(_, record)| record.name == CHANGES)
             .filter_map(|(_, r)| changes(r));
         // Every record tells all that were made until then.
-        told.max_by_key(Vec::len).unwrap_or_default()
+        let mut changes = told.max_by_key(Vec::len).unwrap_or_default();
+        let last = self.scans().next_back();
+        changes.retain(|change| last.is_some_and(|last| change.from <= last));
+        changes
     }
 
     /// The scans it holds, in order.

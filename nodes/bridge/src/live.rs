@@ -5,10 +5,10 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crossbeam::channel::RecvTimeoutError;
+use crossbeam::channel::Select;
 use foxglove::websocket::{ConnectionGraph, Parameter};
 use messages::bus::{
-    self, Answer, Ask, BusError, Doctor, Event, Guest, Joined, LOOK_EVERY, Log, Play, Playing,
+    self, Answer, Ask, Bus, BusError, Doctor, Event, Guest, Joined, LOOK_EVERY, Log, Play, Playing,
     Reports, Run, State,
 };
 use messages::ledger::Ledger;
@@ -123,6 +123,7 @@ fn playback_of(playing: &Playing, nanos: u64) -> Playback {
         nanos,
         seek: None,
         has_ended: false,
+        is_asked: false,
     }
 }
 
@@ -181,8 +182,13 @@ pub struct Viewing<'a> {
     said: VecDeque<(Level, String, String)>,
     is_log_wanted: bool,
     next_state: Instant,
-    /// Number and time of the last scan that came.
+    /// Scans that have come and are to be shown, the oldest first.
+    scans: VecDeque<Joined>,
+    most_scans: usize,
+    /// Number and time of the last scan that was to be shown.
     last: Option<(u64, u64)>,
+    /// Number of the first scan of where a viewer has sought, until that is shown.
+    sought: Option<u64>,
     /// How many guests there were: each needs a name of its own.
     guests: u64,
 }
@@ -256,7 +262,10 @@ impl<'a> Viewing<'a> {
             said: VecDeque::new(),
             is_log_wanted: false,
             next_state: Instant::now(),
+            scans: VecDeque::new(),
+            most_scans: settings.backlog as usize,
             last: None,
+            sought: None,
             guests: 0,
         })
     }
@@ -276,19 +285,32 @@ impl<'a> Viewing<'a> {
         self.out.server.missed()
     }
 
-    /// Does what viewers want and sends what has come; waits a moment when there is nothing.
+    /// Waits a moment, or until viewers want something.
+    pub fn wait(&self) {
+        let mut wishes = Select::new();
+        wishes.recv(self.out.server.wishes());
+        let heard = wishes.ready_timeout(self.patience());
+        heard.map(drop).unwrap_or_default();
+    }
+
+    /// Waits a moment, or until viewers or the launcher want something.
+    pub(crate) fn wait_beside(&self, bus: &Bus) {
+        bus.wait_beside(self.out.server.wishes(), self.patience());
+    }
+
+    fn patience(&self) -> Duration {
+        match (self.scans.is_empty(), &self.guest) {
+            (false, _) => Duration::ZERO,
+            (true, Some(_)) => LOOK_EVERY,
+            (true, None) => IDLE,
+        }
+    }
+
+    /// Does what viewers want and sends what has come, of scans one, so that neither waits for the other.
     ///
     /// # Errors
     /// When the bus fails or a message is damaged.
     pub fn turn(&mut self) -> Result<(), LiveError> {
-        let timeout = match self.guest {
-            Some(_) => LOOK_EVERY,
-            None => IDLE,
-        };
-        match self.out.server.wishes().recv_timeout(timeout) {
-            Ok(wish) => self.hear(wish)?,
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
-        }
         while let Ok(wish) = self.out.server.wishes().try_recv() {
             self.hear(wish)?;
         }
@@ -296,9 +318,10 @@ impl<'a> Viewing<'a> {
             self.choose()?;
             self.say_again();
         }
-        while let Some(guest) = &mut self.guest
-            && let Some(scan) = guest.scan_now()?
-        {
+        self.out.server.greet();
+        self.play();
+        self.take_scans()?;
+        if let Some(scan) = self.scans.pop_front() {
             self.show(&scan)?;
         }
         while let Some(event) = self.reports.receive()? {
@@ -311,11 +334,24 @@ impl<'a> Viewing<'a> {
         Ok(())
     }
 
+    /// Takes in the scans that have come. Of more than may wait the oldest are left out.
+    fn take_scans(&mut self) -> Result<(), BusError> {
+        while let Some(guest) = &mut self.guest
+            && let Some(scan) = guest.scan_now()?
+        {
+            if self.scans.len() >= self.most_scans {
+                self.scans.pop_front();
+                self.out.server.leave_out();
+            }
+            self.scans.push_back(scan);
+        }
+        Ok(())
+    }
+
     fn hear(&mut self, wish: Wish) -> Result<(), LiveError> {
         match wish {
-            // Looked at below, however many of them come.
-            Wish::Subscriptions => {}
-            Wish::Playback => self.play(),
+            // What stands in the server is looked at in any case, however many of them come.
+            Wish::Look => {}
             Wish::Tell(parameters) => self.out.server.tell_parameters(parameters),
             Wish::Call(call, reply) => {
                 let ask = match call {
@@ -344,10 +380,13 @@ impl<'a> Viewing<'a> {
         Ok(())
     }
 
-    /// Lets the replay that is the source play as the viewer wants.
+    /// Lets the replay that is the source play as a viewer wants, if one does.
     fn play(&mut self) {
         let (playback, seek) = {
             let mut playback = self.out.server.playback();
+            if !std::mem::take(&mut playback.is_asked) {
+                return;
+            }
             let seek = playback.seek.take();
             (*playback, seek)
         };
@@ -367,11 +406,36 @@ impl<'a> Viewing<'a> {
             plays.push(Play::Step);
         }
         for play in plays {
-            if let Ok(Answer::Refused { why }) = bus::ask(&self.run.root, &Ask::Play { play }) {
-                self.log(Level::Warning, "bridge", &why);
+            match bus::ask(&self.run.root, &Ask::Play { play }) {
+                Ok(Answer::Refused { why }) => self.log(Level::Warning, "bridge", &why),
+                // The source has done so: how it plays is what the launcher says now.
+                Ok(Answer::Done { .. } | Answer::State(_)) => {}
+                Err(error) => {
+                    let line = format!("the launcher does not answer: {error}");
+                    self.log(Level::Warning, "bridge", &line);
+                }
             }
         }
-        self.next_state = Instant::now();
+        let Some(state) = state_of(self.run, &Ask::State) else {
+            return;
+        };
+        let sought = state.playing.and_then(|playing| playing.sought_from);
+        let is_sought = sought != before.sought_from;
+        self.hear_state(state);
+        if is_sought && self.guest.is_some() {
+            // What is still on its way is of where it was, and told is where it is when that is seen.
+            self.sought = sought;
+            self.scans.clear();
+            return;
+        }
+        if !is_sought {
+            let span = self.state.playing.and_then(|playing| playing.span);
+            let shown = self.last.map(|(_, nanos)| nanos);
+            let stands = shown.or(span.map(|(first, _)| first));
+            let mut playback = self.out.server.playback();
+            playback.nanos = stands.unwrap_or(playback.nanos);
+        }
+        self.out.server.tell_playback(is_sought);
     }
 
     /// Listens to what somebody is subscribed to, and to nothing else.
@@ -389,6 +453,7 @@ impl<'a> Viewing<'a> {
             return Ok(());
         }
         self.guest = None;
+        self.scans.clear();
         if !kinds.is_empty() {
             self.guests += 1;
             let name = format!("view.{}.{}", std::process::id(), self.guests);
@@ -400,15 +465,26 @@ impl<'a> Viewing<'a> {
 
     /// Sends a scan, as far as somebody is subscribed and has taken those before.
     fn show(&mut self, scan: &Joined) -> Result<(), BusError> {
-        if !self.out.server.admit() {
+        if self.sought.is_some_and(|sought| scan.sequence < sought) {
             return Ok(());
         }
-        let views = scan.views()?;
         let nanos = scan.header().capture_nanos;
         self.last = Some((scan.sequence, nanos));
-        self.out.server.playback().nanos = nanos;
-        self.out.server.time(nanos);
-        self.encoder.encode(&views, &mut self.out);
+        {
+            let mut playback = self.out.server.playback();
+            // Where somebody has just asked to be it will be soon.
+            if playback.seek.is_none() {
+                playback.nanos = nanos;
+            }
+        }
+        if self.out.server.admit() {
+            let views = scan.views()?;
+            self.out.server.time(nanos);
+            self.encoder.encode(&views, &mut self.out);
+        }
+        if self.sought.take().is_some() {
+            self.out.server.tell_playback(true);
+        }
         Ok(())
     }
 
@@ -466,19 +542,29 @@ impl<'a> Viewing<'a> {
         let Some(state) = state_of(self.run, &Ask::State) else {
             return;
         };
+        let playing = self.state.playing;
+        self.hear_state(state);
+        let is_told_later = self.sought.is_some() || self.out.server.playback().is_asked;
+        if self.state.playing != playing && !is_told_later {
+            self.out.server.tell_playback(false);
+        }
+    }
+
+    /// Takes in what the launcher says of parameters, which others may have set, and of how the source plays.
+    fn hear_state(&mut self, state: State) {
         let is_new = |parameter: &&bus::Parameter| !self.state.parameters.contains(parameter);
         let changed = state.parameters.iter().filter(is_new);
         let changed: Vec<_> = changed.map(|p| parameter_of(&p.name, &p.value)).collect();
         if !changed.is_empty() {
             self.out.server.tell_parameters(changed);
         }
-        if let Some(playing) = state.playing.filter(|playing| playing.is_recording)
-            && state.playing != self.state.playing
-        {
-            let nanos = self.last.map_or(0, |(_, nanos)| nanos);
-            let nanos = playing.span.map_or(nanos, |(first, _)| nanos.max(first));
-            *self.out.server.playback() = playback_of(&playing, nanos);
-            self.out.server.tell_playback(false);
+        if let Some(playing) = state.playing.filter(|playing| playing.is_recording) {
+            let mut playback = self.out.server.playback();
+            // What somebody has asked for since it is not yet.
+            if !playback.is_asked {
+                playback.is_playing = !playing.is_paused;
+                playback.speed = playing.rate.unwrap_or(1.0) as f32;
+            }
         }
         self.state = state;
     }

@@ -31,6 +31,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), LiveE
     }
     bus.ready()?;
     loop {
+        viewing.wait_beside(bus);
         viewing.turn()?;
         for viewer in viewing.slow() {
             let text = format!("the viewer {viewer} is too slow and does not get every scan");
@@ -42,8 +43,9 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), LiveE
     }
     let (missed, offered) = viewing.missed();
     if missed > 0 {
-        let text =
-            format!("viewers did not get {missed} of {offered} scans whole: they were too slow");
+        let text = format!(
+            "viewers did not get {missed} of {offered} scans whole: they, or the bridge, were too slow"
+        );
         bus.log(Level::Warn, text);
     }
     bus.finish(&[("offered", offered), ("missed", missed)]);

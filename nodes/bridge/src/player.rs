@@ -57,6 +57,7 @@ impl Player {
             nanos: film.first(),
             seek: Some(film.first()),
             has_ended: false,
+            is_asked: false,
         };
         let offer = Offer {
             name: film.recording.path().display().to_string(),
@@ -97,10 +98,9 @@ impl Player {
         if self.server.wishes().recv_timeout(timeout).is_ok() {
             self.server.wishes().try_iter().for_each(drop);
         }
-        if self.server.has_new_subscriptions() && !self.film.was_playing {
-            // Whoever comes while nothing moves sees where it stands.
-            self.film.show(&mut self.server)?;
-        }
+        self.server.greet();
+        // Whoever comes while nothing moves sees where it stands.
+        self.film.is_due |= self.server.has_new_subscriptions() && !self.film.was_playing;
         let now = Instant::now();
         self.film.play(&mut self.server, now - self.clock)?;
         self.clock = now;
@@ -118,6 +118,10 @@ struct Film {
     indices: BTreeMap<String, usize>,
     /// The scan that was shown last.
     shown: usize,
+    /// Whether that one is to be shown as soon as a viewer has room for it: of many seeks at once the last one counts.
+    is_due: bool,
+    /// Whether that one was left out, since no viewer had room for it.
+    is_left_out: bool,
     was_playing: bool,
 }
 
@@ -135,6 +139,8 @@ impl Film {
             indices: names.zip(0..).collect(),
             scans,
             shown: 0,
+            is_due: false,
+            is_left_out: false,
             was_playing: false,
             recording,
         })
@@ -187,9 +193,15 @@ impl Film {
     /// Lets so much time pass, and shows what then is to be seen.
     fn play(&mut self, server: &mut Server, elapsed: Duration) -> Result<(), PlayerError> {
         let last = self.last();
+        let is_sought = server.playback().seek.is_some();
+        // What was sought last is to be seen first, while that is on its way others may be sought.
+        if is_sought && !server.has_room() {
+            return Ok(());
+        }
         let (target, is_sought, is_playing) = {
             let mut playback = server.playback();
             let seek = playback.seek.take();
+            playback.is_asked = false;
             if let Some(nanos) = seek {
                 playback.nanos = nanos.clamp(self.first(), last);
             } else if playback.is_playing && playback.has_ended {
@@ -206,15 +218,21 @@ impl Film {
         let scan = self.scan_at(target);
         if is_sought || scan < self.shown {
             self.shown = scan;
-            self.show(server)?;
+            self.is_due = true;
         } else {
             // Every scan on the way, unless viewers have not taken those before.
             while self.shown < scan {
                 self.shown += 1;
-                if server.admit() {
-                    self.show(server)?;
+                match server.admit() {
+                    true => self.show(server)?,
+                    false => self.is_left_out = true,
                 }
             }
+        }
+        // Where it stops is seen, even by who was too slow for it.
+        let is_due = self.is_due || self.is_left_out && !is_playing;
+        if is_due && server.has_room() {
+            self.show(server)?;
         }
         if is_playing {
             server.time(target);
@@ -233,6 +251,7 @@ impl Film {
 
     /// Sends the scan that is to be seen, as far as somebody is subscribed.
     fn show(&mut self, server: &mut Server) -> Result<(), PlayerError> {
+        (self.is_due, self.is_left_out) = (false, false);
         let (scan, nanos) = self.scans[self.shown];
         let is_wanted = |topic: &str| {
             let index = self.indices.get(topic);

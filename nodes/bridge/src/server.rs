@@ -57,10 +57,9 @@ pub enum ServeError {
 
 /// What a viewer wants.
 pub(crate) enum Wish {
-    /// It subscribed to a topic or no longer does, as [`Server::has_new_subscriptions`] says too.
-    Subscriptions,
-    /// The recording played otherwise: as [`Playback`] now says.
-    Playback,
+    /// What stands in the server looked at: subscriptions, how the recording is to play, who has come. Of many such wishes
+    /// one is enough.
+    Look,
     /// All viewers told that these parameters are so.
     Tell(Vec<Parameter>),
     /// A service.
@@ -93,6 +92,8 @@ pub(crate) struct Playback {
     /// Where to go on, when somebody has asked for it.
     pub(crate) seek: Option<u64>,
     pub(crate) has_ended: bool,
+    /// Whether somebody has asked for something of this that is not done yet.
+    pub(crate) is_asked: bool,
 }
 
 impl Playback {
@@ -138,7 +139,10 @@ pub(crate) struct Offer {
 
 /// Wishes that may wait; a viewer that floods is told so.
 const MOST_WISHES: usize = 256;
-/// How long a service may take.
+/// Messages that may wait for a viewer at least: answers do too, and who seeks faster than it reads them is not to be sent
+/// away at once.
+const LEAST_MESSAGES: usize = 256;
+/// How long a service may take: longer than the launcher's answer to what it asks.
 const SERVICE_PATIENCE: Duration = Duration::from_secs(60);
 /// How often it is looked whether viewers keep up, when no scan comes.
 const SLOW_EVERY: Duration = Duration::from_secs(10);
@@ -152,8 +156,9 @@ pub(crate) struct Server {
     wish: Sender<Wish>,
     wishes: Receiver<Wish>,
     turns: Receiver<Turn>,
-    has_new_subscriptions: Arc<AtomicBool>,
+    news: Arc<News>,
     playback: Arc<Mutex<Playback>>,
+    is_recording: bool,
     viewers: Viewers,
     backlog: u32,
     ip: IpAddr,
@@ -181,7 +186,8 @@ impl Server {
         let channels: Vec<Arc<RawChannel>> = topics.map(channel).collect::<Result<_, _>>()?;
         let (wish, wishes) = bounded(MOST_WISHES);
         let (turn, turns) = bounded(MOST_WISHES);
-        let has_new_subscriptions = Arc::new(AtomicBool::new(false));
+        let news = Arc::new(News::default());
+        let span = offer.playback.map(|(_, span)| span);
         let playback = offer.playback.map(|(playback, _)| playback);
         let playback = Arc::new(Mutex::new(playback.unwrap_or(Playback {
             is_playing: true,
@@ -189,12 +195,14 @@ impl Server {
             nanos: 0,
             seek: None,
             has_ended: false,
+            is_asked: false,
         })));
         let listener = Arc::new(Listener {
             wish: wish.clone(),
             turn,
-            has_new_subscriptions: Arc::clone(&has_new_subscriptions),
+            news: Arc::clone(&news),
             playback: Arc::clone(&playback),
+            span,
         });
         let mut capabilities = vec![Capability::Time];
         if offer.is_graph {
@@ -210,9 +218,9 @@ impl Server {
             .name(offer.name)
             .context(&context)
             .bind(&settings.host, settings.port as u16)
-            .message_backlog_size(backlog.max(64))
+            .message_backlog_size(backlog.max(LEAST_MESSAGES))
             .listener(Arc::clone(&listener) as Arc<dyn ServerListener>);
-        if let Some((_, (first, last))) = offer.playback {
+        if let Some((first, last)) = span {
             capabilities.push(Capability::PlaybackControl);
             server = server.playback_time_range(first, last);
         }
@@ -233,8 +241,9 @@ impl Server {
             wish,
             wishes,
             turns,
-            has_new_subscriptions,
+            news,
             playback,
+            is_recording: span.is_some(),
             viewers: Viewers::default(),
             backlog: settings.backlog,
             told_slow: BTreeMap::new(),
@@ -270,12 +279,30 @@ impl Server {
 
     /// Whether subscriptions came or went since this was asked last.
     pub(crate) fn has_new_subscriptions(&self) -> bool {
-        self.has_new_subscriptions.swap(false, Ordering::AcqRel)
+        self.news.subscriptions.swap(false, Ordering::AcqRel)
+    }
+
+    /// Tells viewers how the recording plays when one has come that does not know it yet.
+    pub(crate) fn greet(&self) {
+        if self.news.viewers.swap(false, Ordering::AcqRel) {
+            self.tell_playback(false);
+        }
     }
 
     /// Whether somebody is subscribed to the topic with this index.
     pub(crate) fn is_wanted(&self, channel: usize) -> bool {
         self.channels[channel].has_sinks()
+    }
+
+    /// Whether a viewer has taken all that was sent, or there is none.
+    pub(crate) fn has_room(&self) -> bool {
+        let unsent = unsent(self.port);
+        unsent.is_empty() || unsent.values().any(|bytes| *bytes == 0)
+    }
+
+    /// Notes a scan that is left out for all viewers.
+    pub(crate) fn leave_out(&mut self) {
+        self.viewers.leave_out(&unsent(self.port));
     }
 
     /// Whether a scan is to go out now, or every viewer still has scans before it.
@@ -324,10 +351,10 @@ impl Server {
         self.playback.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells viewers how the recording plays.
+    /// Tells viewers how the recording plays, if it is one.
     pub(crate) fn tell_playback(&self, did_seek: bool) {
         let state = self.playback().state(did_seek);
-        if let Some(handle) = &self.handle {
+        if let Some(handle) = self.handle.as_ref().filter(|_| self.is_recording) {
             handle.broadcast_playback_state(state);
         }
     }
@@ -399,7 +426,7 @@ fn services(wish: &Sender<Wish>) -> Vec<Service> {
                     .map_err(|_| "too much is asked at once".to_owned())?;
                 let text = answer
                     .recv_timeout(SERVICE_PATIENCE)
-                    .map_err(|_| "no answer in time".to_owned())??;
+                    .map_err(|_| format!("no answer within {} s", SERVICE_PATIENCE.as_secs()))??;
                 Ok(json!({ "text": text }).to_string().into_bytes())
             },
         )
@@ -411,19 +438,32 @@ fn services(wish: &Sender<Wish>) -> Vec<Service> {
     ]
 }
 
+/// What has come since it was looked at last.
+#[derive(Debug, Default)]
+struct News {
+    subscriptions: AtomicBool,
+    viewers: AtomicBool,
+}
+
 /// Hears viewers, on the server's threads, and hands on what they want.
 struct Listener {
     wish: Sender<Wish>,
     turn: Sender<Turn>,
-    has_new_subscriptions: Arc<AtomicBool>,
+    news: Arc<News>,
     playback: Arc<Mutex<Playback>>,
+    /// From when to when the recording goes, if it is one.
+    span: Option<(u64, u64)>,
 }
 
 impl Listener {
+    /// Has it looked at what stands in the server. When there is no room for the wish others wait, which do the same.
+    fn look(&self) {
+        drop(self.wish.try_send(Wish::Look));
+    }
+
     fn subscriptions(&self) {
-        self.has_new_subscriptions.store(true, Ordering::Release);
-        // Only to wake who waits for wishes.
-        drop(self.wish.try_send(Wish::Subscriptions));
+        self.news.subscriptions.store(true, Ordering::Release);
+        self.look();
     }
 }
 
@@ -436,10 +476,18 @@ impl ServerListener for Listener {
         self.subscriptions();
     }
 
+    fn on_client_connect(&self) {
+        if self.span.is_some() {
+            self.news.viewers.store(true, Ordering::Release);
+            self.look();
+        }
+    }
+
     fn on_playback_control_request(
         &self,
         request: PlaybackControlRequest,
     ) -> Option<PlaybackState> {
+        let (first, last) = self.span?;
         let state = {
             let mut playback = self.playback.lock().unwrap_or_else(PoisonError::into_inner);
             playback.is_playing = request.playback_command == PlaybackCommand::Play;
@@ -447,13 +495,15 @@ impl ServerListener for Listener {
                 playback.speed = request.playback_speed.clamp(0.001, 1000.0);
             }
             if let Some(nanos) = request.seek_time {
+                let nanos = nanos.clamp(first, last);
                 playback.nanos = nanos;
                 playback.seek = Some(nanos);
                 playback.has_ended = false;
             }
+            playback.is_asked = true;
             playback.state(request.seek_time.is_some())
         };
-        drop(self.wish.try_send(Wish::Playback));
+        self.look();
         Some(state)
     }
 }

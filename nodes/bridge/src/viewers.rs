@@ -109,6 +109,15 @@ impl Viewers {
         is_wanted
     }
 
+    /// Notes a scan that no viewer gets, because there was no time to make it for them.
+    pub(crate) fn leave_out(&mut self, unsent: &BTreeMap<SocketAddr, u64>) {
+        for address in unsent.keys() {
+            let viewer = self.known.entry(*address).or_default();
+            viewer.offered += 1;
+            viewer.missed += 1;
+        }
+    }
+
     /// Scans that viewers were to get and did not get whole, of those they were to get.
     pub(crate) fn missed(&self) -> (u64, u64) {
         let all = self.known.values().chain([&self.gone]);
@@ -173,5 +182,7 @@ mod tests {
         assert_eq!(viewers.missed(), (5, 11));
         assert!(viewers.admit(&BTreeMap::from([(slow, 0)]), 2));
         assert!(!viewers.admit(&BTreeMap::new(), 2));
+        viewers.leave_out(&both);
+        assert_eq!(viewers.missed(), (7, 14));
     }
 }

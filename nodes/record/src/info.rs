@@ -5,6 +5,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use messages::Rig;
+use messages::change::Change;
 use messages::ledger::Ledger;
 use messages::record::Shown;
 use serde::Serialize;
@@ -40,8 +41,10 @@ pub struct Info {
     pub rig: Rig,
     /// Name of the view that disparities and points belong to.
     pub reference: String,
-    /// The effective configuration.
+    /// The effective configuration, as it was when the run began.
     pub configuration: serde_json::Value,
+    /// The settings that were changed while it was recorded, in order.
+    pub changes: Vec<Change>,
     /// The graph.
     pub graph: String,
     /// The run's account, when it came to its end.
@@ -52,6 +55,8 @@ pub struct Info {
     pub faults: Vec<String>,
 }
 
+/// No more changes are printed: a slider that is drawn makes hundreds. JSON has all.
+const MOST_CHANGES: usize = 50;
 /// No more missing scans are named: a damaged number must not fill the memory.
 const MOST_NAMED: usize = 1000;
 
@@ -142,6 +147,7 @@ impl Info {
             rig: metadata.rig.clone(),
             reference: metadata.rig.views[metadata.reference].name.clone(),
             configuration: metadata.configuration.clone(),
+            changes: recording.changes(),
             graph: metadata.graph.clone(),
             balanced: ledger.as_ref().map(|_| faults.is_empty()),
             ledger,
@@ -300,6 +306,13 @@ impl fmt::Display for Info {
                     &settings.to_string(),
                 )?;
             }
+        }
+        for change in self.changes.iter().take(MOST_CHANGES) {
+            line(f, "changed", &change.to_string())?;
+        }
+        let more = self.changes.len().saturating_sub(MOST_CHANGES);
+        if more > 0 {
+            line(f, "changed", &format!("and {more} times more"))?;
         }
 
         let width = self

@@ -197,6 +197,7 @@ fn write(
     contents(&mut html, recording, &reported.scans)?;
     about(&mut html, recording, &info, &reported.scans)?;
     compared.head(&mut html)?;
+    settings::changed(&mut html, &info.changes)?;
     html.push_str("</section>\n");
     flush(&mut html)?;
     for &scan in &reported.scans {
@@ -212,6 +213,7 @@ fn write(
     run(&mut html, recording)?;
     ledger(&mut html, &info)?;
     html.push_str("<section id=\"settings\"><h2>Settings</h2>");
+    settings::changes(&mut html, &info.changes)?;
     compared.tables(&mut html, &wanted.known)?;
     if !info.graph.trim().is_empty() {
         write!(

@@ -47,6 +47,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Repla
         outputs: bus.outputs_on_demand(&settings.kinds())?,
         gate: bus.gate(&start.resume, total)?,
         codec: recording.codec().clone(),
+        sought_from: None,
         selection,
         recording,
     };
@@ -87,6 +88,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Repla
                     Play::Rate(rate) => clock.set_rate(rate, now, next),
                     Play::Seek(nanos) => {
                         replay.gate.seek(bus, replay.selection.at_or_after(nanos));
+                        replay.sought_from = Some(replay.gate.door().admitted());
                         clock.jump(now, replay.next_nanos());
                     }
                 }
@@ -136,6 +138,8 @@ struct Replay {
     codec: Codec,
     outputs: Outputs,
     gate: Gate,
+    /// Number of the first scan let in since the last seek.
+    sought_from: Option<u64>,
 }
 
 impl Replay {
@@ -147,6 +151,7 @@ impl Replay {
             rate: clock.rate(),
             span: Some((first, last)),
             next_nanos: Some(self.next_nanos()),
+            sought_from: self.sought_from,
         }
     }
 

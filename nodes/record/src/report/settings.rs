@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::fmt::{self, Write};
 
+use messages::change::{Change, shown};
 use serde_json::{Map, Value};
 
-use super::page::{counted, escape};
+use super::page::{count, counted, escape};
 use super::place_in_pipe;
 
 /// What the program knows of settings; a recording holds only their values.
@@ -172,6 +173,43 @@ impl<'a> Compared<'a> {
         }
         Ok(())
     }
+}
+
+/// How many settings were changed while it was recorded, in a line.
+pub(super) fn changed(out: &mut String, changes: &[Change]) -> fmt::Result {
+    let times = match changes.len() {
+        0 => return Ok(()),
+        1 => "once".to_owned(),
+        times => format!("{} times", count(times as u64)),
+    };
+    write!(
+        out,
+        "<p>Settings were changed {times} while it was recorded: <a href=\"#settings\">which, and from which scan on</a>.</p>"
+    )
+}
+
+/// The settings that were changed while it was recorded.
+pub(super) fn changes(out: &mut String, changes: &[Change]) -> fmt::Result {
+    if changes.is_empty() {
+        return Ok(());
+    }
+    out.push_str(
+        "<h3>Changed while it was recorded</h3><div class=\"wide\"><table><thead><tr><th class=\"n\">from scan</th>\
+         <th>key</th><th>value</th><th>before</th></tr></thead><tbody>",
+    );
+    for change in changes {
+        writeln!(
+            out,
+            "<tr><td class=\"n\">{}</td><td class=\"mono\">{}.{}</td><td class=\"mono\">{}</td>\
+             <td class=\"mono\">{}</td></tr>",
+            change.from,
+            escape(&change.node),
+            escape(&change.key),
+            escape(shown(&change.value)),
+            escape(shown(&change.was))
+        )?;
+    }
+    out.write_str("</tbody></table></div><h3>As they were when it began</h3>")
 }
 
 /// Whether two values are the same setting: 1 is 1.0, and what is not given is null.
