@@ -253,6 +253,16 @@ impl Graph {
         view.unwrap_or_default()
     }
 
+    /// Frames of points before a frame on which its share of the map depends; 0 without a map.
+    pub(crate) fn follow(&self) -> Result<u64, Failure> {
+        if !self.has("map") {
+            return Ok(0);
+        }
+        let settings = self.settings_of("map").clone();
+        let settings: map::Settings = serde_json::from_value(settings).map_err(Failure::usage)?;
+        Ok(settings.reach())
+    }
+
     /// The nodes, as they need to know each other.
     pub(crate) fn node_plans(&self) -> Vec<NodePlan> {
         let plan = |(node, settings): &(&NodeType, Value)| NodePlan {
@@ -524,7 +534,7 @@ mod tests {
                 (&bridge["port"], &bridge["host"]),
                 (&0.into(), &host.into())
             );
-            assert_eq!(graph.node_plans().len(), 8);
+            assert_eq!(graph.node_plans().len(), 9);
         }
     }
 

@@ -183,7 +183,7 @@ mod tests {
         assert_eq!(gap, "match.gap is a whole number from 0 to 64, not 2.5");
         let node = set("xyz.low", json!(1)).unwrap_err();
         assert!(
-            node.ends_with("those of evaluate, filter, hough, match, track"),
+            node.ends_with("those of evaluate, filter, hough, map, match, track"),
             "{node}"
         );
     }

@@ -35,6 +35,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let stages = computing(&source, from, to);
     check_cut(&source, from, &stages).map_err(Failure::failed)?;
     let (first, end) = range(args, &source);
+    if args.verify && source.metadata().rig.rail.is_some() && source.scans().next() < Some(first) {
+        let text = "along a rail results depend on the frames before: verify the recording from its beginning";
+        return Err(Failure::usage(text));
+    }
     let recorded = &source.metadata().configuration;
     let not_recorded = not_recorded(&source, &stages);
     let mut graph = graph(args, &stages, first, end, &path, recorded)?;
@@ -211,13 +215,21 @@ fn is_held(source: &Recording, kind: Kind) -> bool {
         .any(|topic| channels.contains_key(&*topic.name))
 }
 
-/// The stages that compute: those of the recording's own graph from the cut on, and no evaluation without a truth.
+/// The stages that compute: those of the recording's own graph from the cut on, no evaluation without a truth, and a map
+/// only where one was made.
 fn computing(source: &Recording, from: Stage, to: Stage) -> Vec<Stage> {
     let knows_truth = !not_held(source, from).contains(&Kind::Truth);
     let configuration = &source.metadata().configuration;
     let is_evaluated = knows_truth && configuration.get(Stage::Evaluate.name()).is_some();
-    let computes =
-        |stage: &Stage| (from..=to).contains(stage) && (*stage != Stage::Evaluate || is_evaluated);
+    let is_mapped = configuration.get(Stage::Map.name()).is_some();
+    let computes = |stage: &Stage| {
+        let is_there = match stage {
+            Stage::Evaluate => is_evaluated,
+            Stage::Map => is_mapped,
+            _ => true,
+        };
+        is_there && (from..=to).contains(stage)
+    };
     Stage::ALL.into_iter().skip(1).filter(computes).collect()
 }
 
@@ -333,15 +345,18 @@ fn changes(graph: &Graph, recorded: &Value) -> BTreeMap<String, [Value; 2]> {
 
 /// The recording's rig, in the channels that the filter now has.
 fn rig(graph: &Graph, source: &Recording) -> Result<Rig, Failure> {
-    let recorded = &source.metadata().rig;
+    let mut recorded = source.metadata().rig.clone();
+    if let Some(rail) = &mut recorded.rail {
+        rail.follow = graph.follow()?;
+    }
     if !graph.has("filter") {
-        return Ok(recorded.clone());
+        return Ok(recorded);
     }
     let channels = graph.channels()?;
     let same = Rig::of_views(recorded.views.len(), &channels, recorded.size);
     Ok(Rig {
         channels: same.channels,
-        ..recorded.clone()
+        ..recorded
     })
 }
 

@@ -205,14 +205,8 @@ fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {
             let text = "on a rail results belong to the newest frame: leave match.reference alone";
             return Err(Failure::usage(text));
         }
-        let map: Option<map::Settings> = match graph.has("map") {
-            true => Some(
-                serde_json::from_value(graph.settings_of("map").clone()).map_err(Failure::usage)?,
-            ),
-            false => None,
-        };
         let rail = Rail {
-            follow: map.map_or(0, |map| map.reach()),
+            follow: graph.follow()?,
             ..rail
         };
         return Ok(Rig {

@@ -1,8 +1,8 @@
 //! How a picture moves from one frame to another: blocks of texture, found again.
 //!
 //! Blocks with texture in both directions are looked for in the other picture, along the row and a few rows up and down,
-//! by the least sum of absolute differences; what a parabola through the least and its neighbours adds is the sub-pixel
-//! part. Blocks whose best place is hardly better than another one say nothing.
+//! by the least sum of absolute differences; the sub-pixel part is what gradients explain of the difference that is
+//! left. Blocks whose best place is hardly better than another one say nothing.
 
 use messages::Size;
 
@@ -58,6 +58,43 @@ impl Picture<'_> {
     }
 }
 
+impl Picture<'_> {
+    /// How much further than to a whole place in another picture a block went, in columns and rows: what the mean of both
+    /// pictures' gradients explains of their difference, by least squares (Lucas and Kanade 1981, one step).
+    fn rest(&self, x: usize, y: usize, other: &Picture<'_>, to_x: usize, to_y: usize) -> [f32; 2] {
+        let gradient = |picture: &Picture<'_>, x: usize, y: usize| {
+            let at = |x, y| f32::from(picture.at(x, y));
+            [
+                (at(x + 1, y) - at(x - 1, y)) / 2.0,
+                (at(x, y + 1) - at(x, y - 1)) / 2.0,
+            ]
+        };
+        let (mut xx, mut xy, mut yy, mut xe, mut ye) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for row in 0..BLOCK {
+            for column in 0..BLOCK {
+                let (own, their) = ((x + column, y + row), (to_x + column, to_y + row));
+                let [gx, gy] = gradient(self, own.0, own.1);
+                let [hx, hy] = gradient(other, their.0, their.1);
+                let (gx, gy) = ((gx + hx) / 2.0, (gy + hy) / 2.0);
+                let error =
+                    f32::from(other.at(their.0, their.1)) - f32::from(self.at(own.0, own.1));
+                xx += gx * gx;
+                xy += gx * gy;
+                yy += gy * gy;
+                xe += gx * error;
+                ye += gy * error;
+            }
+        }
+        let determinant = xx * yy - xy * xy;
+        if determinant <= 1e-3 * xx * yy {
+            return [0.0; 2];
+        }
+        let right = (xy * ye - yy * xe) / determinant;
+        let down = (xy * xe - xx * ye) / determinant;
+        [right, down].map(|rest| rest.clamp(-1.0, 1.0))
+    }
+}
+
 /// Where a block went.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Moved {
@@ -73,7 +110,7 @@ pub(crate) fn moved(from: &Picture<'_>, to: &Picture<'_>, most: usize) -> Vec<Mo
     let mut all = Vec::new();
     let mut costs = Vec::new();
     let rows = ROWS as usize;
-    for y in (rows..(height).saturating_sub(BLOCK + rows + 1)).step_by(SPACING) {
+    for y in (rows..height.saturating_sub(BLOCK + rows + 1)).step_by(SPACING) {
         for x in (1..width.saturating_sub(BLOCK + 1)).step_by(SPACING) {
             if from
                 .texture(x, y)
@@ -90,17 +127,23 @@ pub(crate) fn moved(from: &Picture<'_>, to: &Picture<'_>, most: usize) -> Vec<Mo
                 let cost = |to_x| from.difference(x, y, to, to_x, to_y);
                 costs.extend((least..=greatest).map(cost));
             }
-            all.extend(best(&costs, columns).map(|(column, row)| Moved {
-                right: column + least as f32 - x as f32,
-                down: row - ROWS as f32,
-            }));
+            let Some((column, row)) = best(&costs, columns) else {
+                continue;
+            };
+            // It is inside, so that there is a place on every side.
+            let (to_x, to_y) = (least + column, y - rows + row);
+            let [along, across] = from.rest(x, y, to, to_x, to_y);
+            all.push(Moved {
+                right: to_x as f32 + along - x as f32,
+                down: to_y as f32 + across - y as f32,
+            });
         }
     }
     all
 }
 
-/// The column and row of the least cost, sub-pixel, when it is inside and clearly the least.
-fn best(costs: &[f32], columns: usize) -> Option<(f32, f32)> {
+/// The column and row of the least cost, when it is inside and clearly the least.
+fn best(costs: &[f32], columns: usize) -> Option<(usize, usize)> {
     let rows = costs.len() / columns;
     let (at, least) = costs
         .iter()
@@ -121,16 +164,7 @@ fn best(costs: &[f32], columns: usize) -> Option<(f32, f32)> {
     if least > UNIQUE * second {
         return None;
     }
-    let peak = |before: f32, after: f32| {
-        let bend = before + after - 2.0 * least;
-        match bend > 1e-6 {
-            true => (before - after) / (2.0 * bend),
-            false => 0.0,
-        }
-    };
-    let right = peak(costs[at - 1], costs[at + 1]);
-    let down = peak(costs[at - columns], costs[at + columns]);
-    Some((column as f32 + right, row as f32 + down))
+    Some((column, row))
 }
 
 /// The value that a share of all is not above; `None` of nothing.

@@ -63,7 +63,11 @@ fn parse(text: &str, frames: usize) -> Result<Positions, String> {
     };
     let counter = head.iter().position(|name| name == "frame");
     let mut values = Vec::new();
+    // What comes after the last frame is of no frame.
     for (number, line) in lines {
+        if values.len() == frames {
+            break;
+        }
         let cells = cells(line);
         let value = |column: usize| -> Result<f64, String> {
             let cell = cells.get(column).map_or("", |cell| cell);
@@ -92,7 +96,6 @@ fn parse(text: &str, frames: usize) -> Result<Positions, String> {
             values.len()
         ));
     }
-    values.truncate(frames);
     Ok(Positions {
         values,
         in_metres: metres.is_some(),
