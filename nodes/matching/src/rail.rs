@@ -35,11 +35,11 @@ impl fmt::Display for NoTriple {
 }
 
 /// Baselines that a step must measure: of shorter ones the disparities say little.
-const SHORTEST: f64 = 0.25;
+pub const SHORTEST: f64 = 0.25;
 /// Baselines that a step may measure: the disparities of longer ones are out of the range that is searched.
-const LONGEST: f64 = 2.5;
+pub const LONGEST: f64 = 2.5;
 /// How many times longer one step may be than the other.
-const MOST_UNEQUAL: f64 = 3.0;
+pub const MOST_UNEQUAL: f64 = 3.0;
 
 /// The triple of frames that stand at these places along the rail, in metres, the newest first, for which the results are;
 /// `baseline_m` is the unit of its disparities.
