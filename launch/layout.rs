@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use messages::record::{Channel, Codec};
-use messages::{Kind, Rig, Topic as DataTopic};
+use messages::{Kind, Rail, Rig, Topic as DataTopic};
 use prost::Message as _;
 use prost_types::field_descriptor_proto::Label;
 use prost_types::{DescriptorProto, FileDescriptorSet};
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// The layout of a default run, as Foxglove imports it.
 const DEFAULT: &str = include_str!("layout.json");
@@ -19,14 +19,43 @@ const FINEST: &str = "\"matches/1\"";
 /// The layout, as Foxglove imports it: of a run with this rig, or of a default one.
 pub(crate) fn layout(rig: Option<&Rig>) -> String {
     let matches = rig.and_then(|rig| DataTopic::of(rig, Kind::Matches).pop());
-    match matches {
+    let layout = match matches {
         // Where fields are named behind a dot, a name with a dot of its own stands in quotes.
         Some(topic) if topic.name.contains('.') => {
             DEFAULT.replace(FINEST, &format!("\"\\\"{}\\\"\"", topic.name))
         }
         Some(topic) => DEFAULT.replace(FINEST, &format!("\"{}\"", topic.name)),
         None => DEFAULT.to_owned(),
+    };
+    match rig.and_then(|rig| rig.rail) {
+        Some(_) => along_a_rail(&layout).unwrap_or(layout),
+        None => layout,
     }
+}
+
+/// The layout for one camera that moves: one image in place of three, and the map, which stays, in space.
+fn along_a_rail(layout: &str) -> Option<String> {
+    let moving = format!("camera/{}/", Rail::VIEW);
+    let mut layout: Value =
+        serde_json::from_str(&layout.replace("camera/centre/", &moving)).ok()?;
+    *layout.pointer_mut("/layout/first/first")? = json!("Image!centre");
+    let panels = layout.get_mut("configById")?.as_object_mut()?;
+    panels.retain(|name, _| !["Image!left", "Image!right"].contains(&name.as_str()));
+    panels.get_mut("Image!centre")?["foxglovePanelTitle"] = json!(Rail::VIEW);
+    let topics = panels.get_mut("3D!space")?.get_mut("topics")?;
+    let topics = topics.as_object_mut()?;
+    topics
+        .retain(|name, _| !name.starts_with("camera/left/") && !name.starts_with("camera/right/"));
+    let [settled, growing] = [Kind::Map, Kind::Growing].map(Kind::name);
+    // What is settled comes once: it is to be seen as long as anybody looks.
+    for (topic, seconds) in [(settled, 1_000_000), (growing, 0)] {
+        let shown = json!({
+            "visible": true, "colorField": "disparity", "colorMode": "colormap", "colorMap": "turbo", "pointSize": 2,
+            "decayTime": seconds,
+        });
+        topics.insert(topic.to_owned(), shown);
+    }
+    serde_json::to_string_pretty(&layout).ok()
 }
 
 /// The topic that only sources with a truth have, and the node that makes it.
@@ -309,6 +338,18 @@ mod tests {
         let rig = Rig::of_views(3, channels, Size::new(64, 48));
         let codec = Codec::new(rig.clone(), 0);
         (There::promised(&codec, codec.channels(Shown::ALL)), rig)
+    }
+
+    #[test]
+    fn a_rail_has_all_that_its_own_layout_names() {
+        let rig = Rig::of_rail(Rail::default(), &[4.0, 1.5], Size::new(64, 48));
+        let codec = Codec::new(rig.clone(), 0);
+        let there = There::promised(&codec, codec.channels(Shown::ALL));
+        let layout = layout(Some(&rig));
+        let checked = check(&layout, &there).unwrap();
+        assert_eq!(checked.missing, Vec::<String>::new());
+        assert!(layout.contains("camera/moving/annotations"), "{layout}");
+        assert!(layout.contains("map/growing"), "{layout}");
     }
 
     #[test]

@@ -220,7 +220,7 @@ fn foxglove_url(server: &str) -> String {
     format!("https://app.foxglove.dev/~/view?ds=foxglove-websocket&ds.url={escaped}")
 }
 
-/// The layout as a file to import, written to the user's cache under a name of its finest channel's.
+/// The layout as a file to import, written to the user's cache under a name of its own for what differs from the default.
 fn layout_file(rig: &Rig) -> std::io::Result<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
     let cache = set("XDG_CACHE_HOME")
@@ -232,7 +232,8 @@ fn layout_file(rig: &Rig) -> std::io::Result<PathBuf> {
         true => "layout.json".to_owned(),
         false => {
             let finest = rig.channels.last().copied().unwrap_or_default();
-            format!("layout-{finest}.json")
+            let rail = rig.rail.map_or("", |_| "rail-");
+            format!("layout-{rail}{finest}.json")
         }
     };
     let path = cache.join("tricurve").join(name);
