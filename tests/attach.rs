@@ -9,17 +9,7 @@ use harness::{Ran, World, bytes_of, signal, wait_until};
 
 /// Starts a graph that runs until it is told to stop, and waits until it does.
 fn graph(world: &World) -> Child {
-    let scene = world.small_scene("scene");
-    let source = scene.to_string_lossy();
-    let child = world.start(&[
-        "run",
-        "--source",
-        &source,
-        "--scans",
-        "1000000",
-        "--no-record",
-        "--json",
-    ]);
+    let child = world.endless(&["--json"]);
     wait_until("the graph runs", || world.nodes().len() == 5);
     child
 }

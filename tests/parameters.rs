@@ -195,22 +195,7 @@ fn what_no_scan_of_a_recording_was_made_with_is_not_in_it() {
 
 /// A graph that nothing records, which viewers could look at.
 fn graph_with_a_bridge(world: &World, set: &str) -> Child {
-    let scene = world.small_scene("scene");
-    let source = scene.to_string_lossy();
-    let run = [
-        "run",
-        "--source",
-        &source,
-        "--scans",
-        "1000000",
-        "--no-record",
-        "--view",
-        "--set",
-        "bridge.port=0",
-        "--set",
-        set,
-    ];
-    let child = world.start(&run);
+    let child = world.endless(&["--view", "--set", "bridge.port=0", "--set", set]);
     wait_until("the graph runs", || {
         let hears = ["topic", "echo", "points", "--count", "1"];
         world.nodes().len() == 6 && world.run(&hears).code == Some(0)

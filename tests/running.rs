@@ -18,18 +18,7 @@ use serde_json::Value;
 /// Starts a graph that runs until it is told to stop, and waits until it does.
 fn graph(world: &World) -> Child {
     let before = world.nodes().len();
-    let scene = world.small_scene("scene");
-    let source = scene.to_string_lossy();
-    let run = [
-        "run",
-        "--source",
-        &source,
-        "--scans",
-        "1000000",
-        "--no-record",
-        "--json",
-    ];
-    let child = world.start(&run);
+    let child = world.endless(&["--json"]);
     wait_until("the graph runs", || world.nodes().len() == before + 5);
     child
 }

@@ -15,16 +15,7 @@ fn a_recording_has_all_that_the_layout_shows_and_so_has_a_running_graph() {
     assert_eq!(check.json()["missing"], serde_json::json!([]), "{check:?}");
     // A folder of images knows no truth.
     assert_eq!(check.json()["without_truth"].as_array().unwrap().len(), 4);
-    let scene = world.path("scene").to_string_lossy().into_owned();
-    let run = [
-        "run",
-        "--source",
-        &scene,
-        "--scans",
-        "1000000",
-        "--no-record",
-    ];
-    let graph = world.start(&run);
+    let graph = world.endless(&[]);
     wait_until("the graph runs", || world.nodes().len() == 5);
     let check = world.run(&["view", "--check", "--json"]).done();
     assert_eq!(check.json()["missing"], serde_json::json!([]), "{check:?}");
@@ -35,19 +26,7 @@ fn a_recording_has_all_that_the_layout_shows_and_so_has_a_running_graph() {
 #[test]
 fn a_graph_with_other_channels_has_all_that_its_own_layout_shows() {
     let world = World::new();
-    let scene = world.small_scene("scene");
-    let source = scene.to_string_lossy();
-    let run = [
-        "run",
-        "--source",
-        &source,
-        "--scans",
-        "1000000",
-        "--no-record",
-        "--profile",
-        "thesis",
-    ];
-    let graph = world.start(&run);
+    let graph = world.endless(&["--profile", "thesis"]);
     wait_until("the graph runs", || world.nodes().len() == 5);
     world.run(&["view", "--check"]).done();
     signal(graph.id(), "INT");
@@ -136,21 +115,7 @@ fn a_view_listens_until_it_is_told_to_end() {
 #[test]
 fn a_run_goes_on_without_its_bridge_and_comes_back_with_one() {
     let world = World::new();
-    let scene = world.small_scene("scene");
-    let source = scene.to_string_lossy();
-    let run = [
-        "run",
-        "--source",
-        &source,
-        "--scans",
-        "1000000",
-        "--no-record",
-        "--view",
-        "--set",
-        "bridge.port=0",
-        "--json",
-    ];
-    let graph = world.start(&run);
+    let graph = world.endless(&["--view", "--set", "bridge.port=0", "--json"]);
     let bridge = || world.nodes().into_iter().find(|(name, _)| name == "bridge");
     wait_until("the bridge is there", || world.nodes().len() == 6);
     let hears = ["topic", "echo", "points", "--count", "1"];

@@ -149,6 +149,21 @@ impl World {
         self.small_rail(name, 0..3)
     }
 
+    /// Starts a graph of a small scene that runs until it is told to end, and is recorded nowhere.
+    pub(crate) fn endless(&self, more: &[&str]) -> Child {
+        let scene = self.small_scene("scene");
+        let source = scene.to_string_lossy();
+        let run = [
+            "run",
+            "--source",
+            &source,
+            "--scans",
+            "1000000",
+            "--no-record",
+        ];
+        self.start(&[&run, more].concat())
+    }
+
     /// The same seen from so many places, each a step of 4 px to the right.
     pub(crate) fn small_rail(&self, name: &str, places: Range<u32>) -> PathBuf {
         let folder = self.path(name);
