@@ -182,9 +182,8 @@ pub struct Viewing<'a> {
     said: VecDeque<(Level, String, String)>,
     is_log_wanted: bool,
     next_state: Instant,
-    /// Scans that have come and are to be shown, the oldest first.
-    scans: VecDeque<Joined>,
-    most_scans: usize,
+    /// Whether a scan had come when it was looked last: then there may be more.
+    has_more: bool,
     /// Number and time of the last scan that was to be shown.
     last: Option<(u64, u64)>,
     /// Number of the first scan of where a viewer has sought, until that is shown.
@@ -262,8 +261,7 @@ impl<'a> Viewing<'a> {
             said: VecDeque::new(),
             is_log_wanted: false,
             next_state: Instant::now(),
-            scans: VecDeque::new(),
-            most_scans: settings.backlog as usize,
+            has_more: false,
             last: None,
             sought: None,
             guests: 0,
@@ -299,10 +297,10 @@ impl<'a> Viewing<'a> {
     }
 
     fn patience(&self) -> Duration {
-        match (self.scans.is_empty(), &self.guest) {
-            (false, _) => Duration::ZERO,
-            (true, Some(_)) => LOOK_EVERY,
-            (true, None) => IDLE,
+        match (self.has_more, &self.guest) {
+            (true, _) => Duration::ZERO,
+            (false, Some(_)) => LOOK_EVERY,
+            (false, None) => IDLE,
         }
     }
 
@@ -320,8 +318,9 @@ impl<'a> Viewing<'a> {
         }
         self.out.server.greet();
         self.play();
-        self.take_scans()?;
-        if let Some(scan) = self.scans.pop_front() {
+        let scan = self.next_scan()?;
+        self.has_more = scan.is_some();
+        if let Some(scan) = scan {
             self.show(&scan)?;
         }
         while let Some(event) = self.reports.receive()? {
@@ -334,18 +333,19 @@ impl<'a> Viewing<'a> {
         Ok(())
     }
 
-    /// Takes in the scans that have come. Of more than may wait the oldest are left out.
-    fn take_scans(&mut self) -> Result<(), BusError> {
-        while let Some(guest) = &mut self.guest
-            && let Some(scan) = guest.scan_now()?
-        {
-            if self.scans.len() >= self.most_scans {
-                self.scans.pop_front();
-                self.out.server.leave_out();
-            }
-            self.scans.push_back(scan);
+    /// The oldest scan that waits on the bus, which holds as many as can be under way: who gets a processor now and then
+    /// only, because the graph has them all, shows those that came meanwhile.
+    fn next_scan(&mut self) -> Result<Option<Joined>, BusError> {
+        let Some(guest) = &mut self.guest else {
+            return Ok(None);
+        };
+        let before = guest.missed();
+        let scan = guest.scan_now()?;
+        let missed = guest.missed() - before;
+        if missed > 0 {
+            self.out.server.leave_out(missed);
         }
-        Ok(())
+        Ok(scan)
     }
 
     fn hear(&mut self, wish: Wish) -> Result<(), LiveError> {
@@ -425,7 +425,6 @@ impl<'a> Viewing<'a> {
         if is_sought && self.guest.is_some() {
             // What is still on its way is of where it was, and told is where it is when that is seen.
             self.sought = sought;
-            self.scans.clear();
             return;
         }
         if !is_sought {
@@ -453,7 +452,6 @@ impl<'a> Viewing<'a> {
             return Ok(());
         }
         self.guest = None;
-        self.scans.clear();
         if !kinds.is_empty() {
             self.guests += 1;
             let name = format!("view.{}.{}", std::process::id(), self.guests);

@@ -300,9 +300,9 @@ impl Server {
         unsent.is_empty() || unsent.values().any(|bytes| *bytes == 0)
     }
 
-    /// Notes a scan that is left out for all viewers.
-    pub(crate) fn leave_out(&mut self) {
-        self.viewers.leave_out(&unsent(self.port));
+    /// Notes scans that did not reach the bridge, so that no viewer gets them.
+    pub(crate) fn leave_out(&mut self, scans: u64) {
+        self.viewers.leave_out(&unsent(self.port), scans);
     }
 
     /// Whether a scan is to go out now, or every viewer still has scans before it.

@@ -109,12 +109,12 @@ impl Viewers {
         is_wanted
     }
 
-    /// Notes a scan that no viewer gets, because there was no time to make it for them.
-    pub(crate) fn leave_out(&mut self, unsent: &BTreeMap<SocketAddr, u64>) {
+    /// Notes scans that no viewer gets, because there was no time to make them for them.
+    pub(crate) fn leave_out(&mut self, unsent: &BTreeMap<SocketAddr, u64>, scans: u64) {
         for address in unsent.keys() {
             let viewer = self.known.entry(*address).or_default();
-            viewer.offered += 1;
-            viewer.missed += 1;
+            viewer.offered += scans;
+            viewer.missed += scans;
         }
     }
 
@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(viewers.missed(), (5, 11));
         assert!(viewers.admit(&BTreeMap::from([(slow, 0)]), 2));
         assert!(!viewers.admit(&BTreeMap::new(), 2));
-        viewers.leave_out(&both);
+        viewers.leave_out(&both, 1);
         assert_eq!(viewers.missed(), (7, 14));
     }
 }
