@@ -37,7 +37,7 @@ fn picture(camera: &Camera) -> GrayImage {
         let reach = (6.0 * DOT) as i64;
         for y in at.y as i64 - reach..=at.y as i64 + reach {
             for x in at.x as i64 - reach..=at.x as i64 + reach {
-                if x >= 0 && y >= 0 && x < SIZE.width.into() && y < SIZE.height.into() {
+                if x >= 0 && y >= 0 && x < i64::from(SIZE.width) && y < i64::from(SIZE.height) {
                     let off = DVec2::new(x as f64, y as f64) - at;
                     let bright = 190.0 * (-off.length_squared() / (2.0 * DOT * DOT)).exp();
                     gray[y as usize * SIZE.width as usize + x as usize] += bright;
@@ -177,7 +177,7 @@ fn dot(image: &[u8], expected: DVec2) -> Option<DVec2> {
         let (mut sum, mut total) = (DVec2::ZERO, 0.0);
         for y in row - reach..=row + reach {
             for x in column - reach..=column + reach {
-                if x < 0 || y < 0 || x >= SIZE.width.into() || y >= SIZE.height.into() {
+                if x < 0 || y < 0 || x >= i64::from(SIZE.width) || y >= i64::from(SIZE.height) {
                     return None;
                 }
                 let value = image[y as usize * SIZE.width as usize + x as usize];
