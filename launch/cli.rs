@@ -3,8 +3,9 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 
+use capture::Views;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use messages::{Delivery, Stage};
+use messages::{Delivery, Reference, Stage};
 
 /// Depth from one camera moved along a rail, or three in a row, by matching curves.
 #[derive(Debug, Parser)]
@@ -109,9 +110,9 @@ pub(crate) struct Run {
     /// scene:tab, scene:jack, scene:screwdriver, scene:all, a folder of images, or a folder of such folders
     #[arg(long, value_name = "SPEC")]
     pub(crate) source: Option<String>,
-    /// Which three of the source's views, left to right
-    #[arg(long, value_delimiter = ',', value_name = "1,3,5")]
-    pub(crate) views: Option<Vec<u32>>,
+    /// Which of the source's views, left to right: at least three at equal steps, or all
+    #[arg(long, value_name = "1,3,5")]
+    pub(crate) views: Option<Views>,
     /// How many scans; a source with fewer is repeated
     #[arg(long, value_name = "N")]
     pub(crate) scans: Option<u64>,
@@ -152,9 +153,9 @@ pub(crate) struct CheckGeometry {
     /// scene:tab, scene:jack, scene:screwdriver, scene:all, a folder of images, or a folder of such folders
     #[arg(value_name = "SOURCE")]
     pub(crate) source: String,
-    /// Which of the source's views, left to right, at least three
-    #[arg(long, value_delimiter = ',', value_name = "1,3,5")]
-    pub(crate) views: Option<Vec<u32>>,
+    /// Which of the source's views, left to right: at least three at equal steps, or all
+    #[arg(long, value_name = "1,3,5")]
+    pub(crate) views: Option<Views>,
     /// Which settings to start from
     #[arg(long, value_enum, default_value = "default")]
     pub(crate) profile: Profile,
@@ -447,25 +448,6 @@ pub(crate) struct Export {
     pub(crate) png: Option<PathBuf>,
 }
 
-/// The view results refer to, as on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum ReferenceArg {
-    Left,
-    Centre,
-    Right,
-}
-
-impl ReferenceArg {
-    /// Its name in graph files.
-    pub(crate) fn as_str(self) -> &'static str {
-        match self {
-            Self::Left => "left",
-            Self::Centre => "centre",
-            Self::Right => "right",
-        }
-    }
-}
-
 /// The rivals of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MethodArg {
@@ -489,12 +471,12 @@ pub(crate) struct Evaluate {
     /// scene:all, folders of scenes with their truth (scene.json, or as Middlebury hands them out), or folders of such
     #[arg(required = true, value_name = "SPEC")]
     pub(crate) sources: Vec<String>,
-    /// Which three of each scene's views, left to right
-    #[arg(long, value_delimiter = ',', value_name = "1,3,5")]
-    pub(crate) views: Option<Vec<u32>>,
-    /// Which of them results refer to
-    #[arg(long, value_enum)]
-    pub(crate) reference: Option<ReferenceArg>,
+    /// Which of each scene's views, left to right: at least three at equal steps, or all
+    #[arg(long, value_name = "1,3,5")]
+    pub(crate) views: Option<Views>,
+    /// Which of them results refer to: left, centre, right, or its number among them, counted from 0
+    #[arg(long, value_name = "VIEW")]
+    pub(crate) reference: Option<Reference>,
     /// Which rival methods are evaluated too
     #[arg(long, value_enum, value_delimiter = ',', value_name = "point,two-view")]
     pub(crate) against: Vec<MethodArg>,
@@ -520,12 +502,12 @@ pub(crate) struct Tune {
     /// A setting and the values to try it with; several are combined
     #[arg(long, value_name = "NODE.KEY=A,B,C")]
     pub(crate) sweep: Vec<String>,
-    /// Which three of each scene's views, left to right
-    #[arg(long, value_delimiter = ',', value_name = "1,3,5")]
-    pub(crate) views: Option<Vec<u32>>,
-    /// Which of them results refer to
-    #[arg(long, value_enum)]
-    pub(crate) reference: Option<ReferenceArg>,
+    /// Which of each scene's views, left to right: at least three at equal steps, or all
+    #[arg(long, value_name = "1,3,5")]
+    pub(crate) views: Option<Views>,
+    /// Which of them results refer to: left, centre, right, or its number among them, counted from 0
+    #[arg(long, value_name = "VIEW")]
+    pub(crate) reference: Option<Reference>,
     /// Which settings to start from
     #[arg(long, value_enum, default_value = "default")]
     pub(crate) profile: Profile,

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use messages::bus::NodePlan;
 use messages::settings::{Key, Settings as _, nearest};
-use messages::{Delivery, Kind};
+use messages::{Delivery, Kind, Reference};
+use serde::Deserialize as _;
 use serde_json::{Map, Value};
 
 use crate::Failure;
@@ -244,13 +245,11 @@ impl Graph {
         Ok(channels)
     }
 
-    /// The view that results refer to, counted from 0.
-    pub(crate) fn reference(&self) -> usize {
-        let reference = self.settings_of("match").get("reference");
-        let reference = reference.and_then(Value::as_str).unwrap_or_default();
-        let views = ["left", "centre", "right"];
-        let view = views.iter().position(|view| *view == reference);
-        view.unwrap_or_default()
+    /// The view that results refer to, of so many.
+    pub(crate) fn reference(&self, views: usize) -> usize {
+        let said = self.settings_of("match").get("reference");
+        let said = said.and_then(|said| Reference::deserialize(said).ok());
+        said.unwrap_or_default().index(views)
     }
 
     /// Frames of points before a frame on which its share of the map depends; 0 without a map.

@@ -14,9 +14,6 @@ use messages::{
 use crate::Failure;
 use crate::graph::Graph;
 
-/// Views of a triple.
-const VIEWS: usize = 3;
-
 /// What a node is told by a graph.
 pub(crate) fn settings<S: Settings>(graph: &Graph, node: &str) -> Result<S, Failure> {
     let settings: S =
@@ -43,7 +40,7 @@ pub(crate) fn curve_points(graph: &Graph, image: &Owned<Image>) -> Result<Vec<Ed
     Ok(curves.view().points.to_vec())
 }
 
-/// A scan of one triple as far as its R-tables.
+/// A scan as far as its R-tables.
 pub(crate) struct Tabulated {
     pub(crate) size: Size,
     pub(crate) channels: Vec<f32>,
@@ -86,7 +83,7 @@ impl Tabulated {
         let mut tracker = track::Tracker::new(&settings(graph, "track")?, size);
         let mut tabulator = hough::Tabulator::new(&settings(graph, "hough")?, size);
         let mut filter = filter::Filter::new(&filter, size);
-        for view in 0..VIEWS {
+        for view in 0..source.view_count() {
             let mut image = Owned::<Image>::new(size);
             image
                 .fill(|room| source.read(scan, view, room))
@@ -166,17 +163,39 @@ impl Tabulated {
         Ok((tabulated, truth))
     }
 
-    /// Matches the scan.
+    fn known<'a>(&'a self, view: usize, truth: &'a [f32]) -> Known<'a> {
+        Known {
+            pixels: self.images[view].view().pixels,
+            truth,
+            size: self.size,
+        }
+    }
+
+    /// How many views it has.
+    pub(crate) fn views(&self) -> usize {
+        self.images.len()
+    }
+
+    /// Matches all views.
     pub(crate) fn matched(&self, settings: &matching::Settings) -> Matched {
+        self.matched_in(settings, 0..self.views())
+    }
+
+    /// Matches some of the views, at least three, of which the settings' reference is one.
+    pub(crate) fn matched_in(
+        &self,
+        settings: &matching::Settings,
+        chosen: std::ops::Range<usize>,
+    ) -> Matched {
         let size = self.size;
         let view = |at: usize| ChannelView {
             curves: self.curves[at].view(),
             tables: self.tables[at].view(),
         };
-        let count = self.channels.len();
-        let inputs: Vec<[ChannelView<'_>; VIEWS]> = (0..count)
-            .map(|channel| std::array::from_fn(|v| view(VIEWS * channel + v)))
-            .collect();
+        let (count, views) = (self.channels.len(), self.images.len());
+        let of = |channel: usize| chosen.clone().map(move |at| view(views * channel + at));
+        let inputs: Vec<Vec<ChannelView<'_>>> =
+            (0..count).map(|channel| of(channel).collect()).collect();
         let mut words = vec![vec![0u64; Matches::words(size)]; count];
         let mut rooms: Vec<_> = words
             .iter_mut()
@@ -215,6 +234,18 @@ impl Matched {
         self.points.view().points
     }
 
+    /// The surest points, as many as cover so much, compared with the truth of the reference view.
+    pub(crate) fn surest(
+        &self,
+        scan: &Tabulated,
+        evaluator: &mut Evaluator,
+        view: usize,
+        truth: &[f32],
+        coverage: f32,
+    ) -> Score {
+        evaluator.surest(scan.known(view, truth), self.points.view(), coverage)
+    }
+
     /// Compares what was matched with the truth of the reference view.
     pub(crate) fn evaluated(
         &self,
@@ -223,11 +254,7 @@ impl Matched {
         view: usize,
         truth: &[f32],
     ) -> Evaluated {
-        let known = Known {
-            pixels: scan.images[view].view().pixels,
-            truth,
-            size: scan.size,
-        };
+        let known = scan.known(view, truth);
         let matches: Vec<_> = self.matches.iter().map(Owned::view).collect();
         let mut evaluation = Owned::<Evaluation>::new(scan.size);
         evaluation.fill(|room| evaluator.process(known, self.points.view(), &matches, room));

@@ -7,6 +7,7 @@ use capture::Source;
 use capture::alignment::{Followed, Ready, Rows, Steps, rows, steps};
 use messages::{Edge, Image, Owned};
 use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::CheckGeometry as Args;
 use crate::graph::{Graph, Overrides};
@@ -28,7 +29,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut overrides = Overrides::parse(&args.set)?;
     overrides.set("capture", "source", args.source.clone());
     if let Some(views) = &args.views {
-        overrides.set("capture", "views", views.clone());
+        overrides.set("capture", "views", json!(views));
     }
     let graph = Graph::load(None, args.profile, &overrides)?;
     let capture: capture::Settings = settings(&graph, "capture")?;

@@ -10,12 +10,13 @@ use std::sync::Mutex;
 use evaluate::Evaluator;
 use indicatif::{ProgressBar, ProgressStyle};
 use matching::Method;
-use messages::Score;
+use messages::{Reference, Score};
 use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::Evaluate as Args;
 use crate::graph::{Graph, Overrides};
-use crate::offline::{Evaluated, Tabulated, settings};
+use crate::offline::{Evaluated, Matched, Tabulated, settings};
 use crate::{Failure, Outcome};
 
 pub(crate) use scenes::{Scene, Skipped, with_images, with_truth};
@@ -23,13 +24,17 @@ pub(crate) use scenes::{Scene, Skipped, with_images, with_truth};
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut overrides = Overrides::parse(&args.set)?;
     if let Some(views) = &args.views {
-        overrides.set("capture", "views", views.clone());
+        overrides.set("capture", "views", json!(views));
     }
     if let Some(reference) = &args.reference {
-        overrides.set("match", "reference", reference.as_str());
+        overrides.set("match", "reference", json!(reference));
     }
     let graph = Graph::load(None, args.profile, &overrides)?;
-    let view = graph.reference();
+    // Of more views than three the reference may be any: without being asked, one whose truth is known.
+    let view = |scene: &Scene| match (args.reference, scene.first_known()) {
+        (None, Some(known)) if scene.views > 3 => known,
+        _ => graph.reference(scene.views),
+    };
     let (scenes, mut skipped) = with_truth(&graph, &args.sources, view)?;
     let own: matching::Settings = settings(&graph, "match")?;
     let methods: Vec<Method> = std::iter::once(own.method)
@@ -37,7 +42,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         .collect();
     let bar = progress(scenes.len(), args.json);
     let results = each(&scenes, |scene| {
-        let result = evaluated(&graph, &own, &methods, scene, view);
+        let result = evaluated(&graph, &own, &methods, scene, view(scene));
         if let Some(bar) = &bar {
             bar.inc(1);
         }
@@ -118,15 +123,26 @@ fn evaluated(
     let (mut source, truth) = scene.open(graph, view)?;
     let scan = Tabulated::of(graph, &mut source, scene.scan)?;
     let mut evaluator = Evaluator::new(&settings(graph, "evaluate")?);
-    let results = methods.iter().map(|&method| {
-        let settings = matching::Settings {
-            method,
-            ..own.clone()
-        };
-        let matched = scan.matched(&settings);
-        matched.evaluated(&scan, &mut evaluator, view, &truth)
-    });
-    let results: Vec<Evaluated> = results.collect();
+    let settings = |method: Method| matching::Settings {
+        method,
+        reference: Reference::View(view as u32),
+        ..own.clone()
+    };
+    let (mut results, mut gain) = (Vec::new(), None);
+    for &method in methods {
+        let matched = scan.matched(&settings(method));
+        let result = matched.evaluated(&scan, &mut evaluator, view, &truth);
+        if method == Method::ThreeView && scene.views > 3 {
+            gain = Some(Gain::of(
+                &scan,
+                &matched,
+                &settings(method),
+                &mut evaluator,
+                &truth,
+            ));
+        }
+        results.push(result);
+    }
     let compared = results.iter().filter_map(|result| result.scores.first());
     if compared.into_iter().all(|score| score.edges == 0) {
         return Err(Failure::failed("its truth is known of no edge"));
@@ -135,6 +151,7 @@ fn evaluated(
         name: scene.name.clone(),
         is_rendered: scene.is_rendered,
         methods: results.into_iter().map(MethodReport::from).collect(),
+        gain,
     })
 }
 
@@ -164,6 +181,49 @@ struct SceneReport {
     name: String,
     is_rendered: bool,
     methods: Vec<MethodReport>,
+    /// What more than three views are worth.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gain: Option<Gain>,
+}
+
+/// All views beside the triple around the reference view, the surest points of each, as many as cover the same. Errors
+/// are of disparities between neighbouring views.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Gain {
+    views: usize,
+    coverage: f32,
+    triple: Figures,
+    all: Figures,
+}
+
+impl Gain {
+    fn of(
+        scan: &Tabulated,
+        all: &Matched,
+        settings: &matching::Settings,
+        evaluator: &mut Evaluator,
+        truth: &[f32],
+    ) -> Self {
+        let views = scan.views();
+        let view = settings.reference.index(views);
+        let first = view.clamp(1, views - 2) - 1;
+        let triple = matching::Settings {
+            reference: Reference::View((view - first) as u32),
+            ..settings.clone()
+        };
+        let triple = scan.matched_in(&triple, first..first + 3);
+        let mut surest = |matched: &Matched, coverage: f32| {
+            matched.surest(scan, evaluator, view, truth, coverage)
+        };
+        let coverage = [all, &triple].map(|matched| surest(matched, 1.0).coverage);
+        let coverage = coverage[0].min(coverage[1]);
+        Self {
+            views,
+            coverage,
+            triple: Figures::from(&surest(&triple, coverage)),
+            all: Figures::from(&surest(all, coverage)),
+        }
+    }
 }
 
 /// Figures of the scan's result, of each channel, and of the surest points.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use capture::Source;
 use jiff::Timestamp;
 use messages::{Delivery, Rail, Rig, Size};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::cli::{Profile, Run as Args};
 use crate::graph::{Graph, Overrides};
@@ -101,7 +101,7 @@ fn overrides(args: &Args) -> Result<Overrides, Failure> {
         overrides.set("capture", "source", source.as_str());
     }
     if let Some(views) = &args.views {
-        overrides.set("capture", "views", views.clone());
+        overrides.set("capture", "views", json!(views));
     }
     if let Some(scans) = args.scans {
         overrides.set("capture", "scans", scans);
@@ -178,7 +178,7 @@ fn settle_rail(graph: &mut Graph, source: &Source) {
 
 /// Lets results be evaluated where the source knows the truth, and nowhere else.
 fn settle_truth(graph: &mut Graph, source: &Source) {
-    let view = graph.reference();
+    let view = graph.reference(source.view_count());
     if !graph.has("match") || !source.knows_truth(view) {
         graph.remove("evaluate");
     }
@@ -201,7 +201,7 @@ fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {
     let channels = graph.channels()?;
     if let Some(rail) = source.rail() {
         let reference = graph.settings_of("match").get("reference");
-        if reference.is_some_and(|reference| reference != "left") {
+        if reference.is_some_and(|reference| reference != "left" && reference != 0) {
             let text = "on a rail results belong to the newest frame: leave match.reference alone";
             return Err(Failure::usage(text));
         }
@@ -215,9 +215,11 @@ fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {
         });
     }
     let count = source.view_count();
-    if count != 3 {
-        let text =
-            format!("match takes exactly three views, not {count}: choose three with --views");
+    let reference = graph.reference(count);
+    if reference >= count {
+        let text = format!(
+            "match.reference is view {reference}, and there are {count} views, counted from 0"
+        );
         return Err(Failure::usage(text));
     }
     let size: Size = source.size();

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 
 use evaluate::Evaluator;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::evaluate::{Scene, Skipped, each, good, progress, with_images, with_truth};
 use crate::cli::Tune as Args;
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         .iter()
         .map(|values| graph(args, &base, &axes, values))
         .collect::<Result<Vec<Graph>, Failure>>()?;
-    let view = graphs[0].reference();
+    let view = |scene: &Scene| graphs[0].reference(scene.views);
     let (scenes, mut skipped) = match args.truth {
         true => with_truth(&graphs[0], &args.sources, view)?,
         false => with_images(&graphs[0], &args.sources)?,
@@ -74,10 +74,10 @@ fn axes_of(axes: Vec<Result<Axis, String>>) -> Result<Vec<Axis>, Failure> {
 fn overrides(args: &Args) -> Result<Overrides, Failure> {
     let mut overrides = Overrides::parse(&args.set)?;
     if let Some(views) = &args.views {
-        overrides.set("capture", "views", views.clone());
+        overrides.set("capture", "views", json!(views));
     }
     if let Some(reference) = &args.reference {
-        overrides.set("match", "reference", reference.as_str());
+        overrides.set("match", "reference", json!(reference));
     }
     Ok(overrides)
 }
@@ -105,7 +105,7 @@ struct Measured {
 /// Measures a scene with every combination. What comes before matching is done once where it is the same.
 fn measure(graphs: &[Graph], scene: &Scene, has_truth: bool) -> Result<Vec<Measured>, Failure> {
     let mut before: Option<(Vec<Value>, Tabulated)> = None;
-    let view = graphs[0].reference();
+    let view = graphs[0].reference(scene.views);
     let truth = match has_truth {
         true => Some(scene.open(&graphs[0], view)?.1),
         false => None,
@@ -123,7 +123,7 @@ fn measure(graphs: &[Graph], scene: &Scene, has_truth: bool) -> Result<Vec<Measu
         };
         let own: matching::Settings = settings(graph, "match")?;
         let matched = scan.matched(&own);
-        let other = scan.matched(&agreement::elsewhere(&own));
+        let other = scan.matched(&agreement::elsewhere(&own, scene.views));
         // Where the truth is not known, all edges are to be covered.
         let everywhere = || vec![1.0; scan.size.pixels()];
         let known = truth.clone().unwrap_or_else(everywhere);
@@ -136,7 +136,7 @@ fn measure(graphs: &[Graph], scene: &Scene, has_truth: bool) -> Result<Vec<Measu
             contradicted: disagreement(
                 matched.points(),
                 other.points(),
-                agreement::steps(&own),
+                agreement::steps(&own, scene.views),
                 scan.size,
             ),
         });

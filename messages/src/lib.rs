@@ -43,5 +43,5 @@ pub use payload::{
     TablesRoom, TablesView, Truth, TruthRoom, TruthView,
 };
 pub use reason::Reason;
-pub use rig::{Delivery, Rail, Rig, View};
+pub use rig::{Delivery, Rail, Reference, Rig, View};
 pub use topic::{Kind, Stage, Topic};

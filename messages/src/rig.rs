@@ -26,6 +26,76 @@ pub struct View {
     pub position_steps: f64,
 }
 
+/// Which view results refer to: `"left"`, `"centre"`, `"right"`, or a view's number, counted from 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Reference {
+    /// The left one, as in the thesis.
+    #[default]
+    Left,
+    /// The central one: fewer occlusions, a shorter base to either side. Of an even number the one right of the centre.
+    Centre,
+    /// The right one.
+    Right,
+    /// The one of this number.
+    #[serde(untagged)]
+    View(u32),
+}
+
+impl Reference {
+    /// The index of the view, of so many; of a number that none has, the number itself.
+    pub fn index(self, views: usize) -> usize {
+        match self {
+            Self::Left => 0,
+            Self::Centre => views / 2,
+            Self::Right => views.saturating_sub(1),
+            Self::View(view) => view as usize,
+        }
+    }
+
+    /// What a run's configuration says, `match.reference` of all nodes' settings; the left one where it says nothing.
+    #[cfg(any(feature = "bus", feature = "record"))]
+    pub fn of(configuration: &serde_json::Value) -> Self {
+        let said = configuration.get("match").and_then(|m| m.get("reference"));
+        let said = said.and_then(|said| Self::deserialize(said).ok());
+        said.unwrap_or_default()
+    }
+}
+
+impl std::str::FromStr for Reference {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "left" => Ok(Self::Left),
+            "centre" => Ok(Self::Centre),
+            "right" => Ok(Self::Right),
+            other => other.parse().map(Self::View).map_err(|_| {
+                format!("the reference is left, centre, right or a view's number, counted from 0, not {other:?}")
+            }),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Reference {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Said {
+            Number(u32),
+            Name(String),
+            Other(serde::de::IgnoredAny),
+        }
+        match Said::deserialize(deserializer)? {
+            Said::Number(view) => Ok(Self::View(view)),
+            Said::Name(name) => name.parse().map_err(serde::de::Error::custom),
+            Said::Other(_) => Err(serde::de::Error::custom(
+                "the reference is left, centre, right or a view's number, counted from 0",
+            )),
+        }
+    }
+}
+
 /// One camera that moves along a rail: a scan is one frame, and three frames that follow each other at a stride are a
 /// triple.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -101,6 +171,13 @@ impl Rig {
             rail: Some(rail),
             ..Self::of_views(0, channels, size)
         }
+    }
+
+    /// The three views by which matches name curves, left to right: the reference view and the two next to it. On a rail
+    /// the names are those of frames, of which the newest comes first.
+    pub fn named(&self, reference: usize) -> [usize; 3] {
+        let first = reference.clamp(1, self.views.len().saturating_sub(2).max(1)) - 1;
+        [first, first + 1, first + 2]
     }
 
     /// How many scans before a scan its results depend on.

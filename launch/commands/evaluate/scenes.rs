@@ -15,6 +15,8 @@ pub(crate) struct Scene {
     pub(crate) is_rendered: bool,
     /// Which scan of its source shows it.
     pub(crate) scan: u64,
+    /// How many views are chosen.
+    pub(crate) views: usize,
     spec: String,
     /// The chosen views whose true disparities are known.
     known: Vec<usize>,
@@ -44,12 +46,21 @@ impl Scene {
         }
     }
 
+    /// Index of the first view whose truth is known.
+    pub(crate) fn first_known(&self) -> Option<usize> {
+        self.known.first().copied()
+    }
+
     /// Why it cannot be compared with the truth.
     fn lacks_truth(&self) -> String {
-        let other = self.known.first();
-        match other.and_then(|view| ["left", "centre", "right"].get(*view)) {
-            Some(other) => format!(
-                "the truth of the reference view is not known, that of the {other} view is: --reference {other}"
+        let names = ["left", "centre", "right"];
+        let name = |&view: &usize| match names.get(view).filter(|_| self.views == 3) {
+            Some(name) => (format!("the {name} view"), (*name).to_owned()),
+            None => (format!("view {view}"), view.to_string()),
+        };
+        match self.known.first().map(name) {
+            Some((other, name)) => format!(
+                "the truth of the reference view is not known, that of {other} is: --reference {name}"
             ),
             None => "no truth is known of these views".to_owned(),
         }
@@ -61,19 +72,19 @@ impl Scene {
     }
 }
 
-/// The scenes of these sources: of a folder of folders one each. What cannot be read or has no truth for the view is
-/// left out, and said.
+/// The scenes of these sources: of a folder of folders one each. What cannot be read or has no truth for the view it is
+/// asked for is left out, and said.
 ///
 /// # Errors
 /// When nothing is left.
 pub(crate) fn with_truth(
     graph: &Graph,
     sources: &[String],
-    view: usize,
+    view: impl Fn(&Scene) -> usize,
 ) -> Result<(Vec<Scene>, Vec<Skipped>), Failure> {
     let (mut scenes, mut skipped) = all(graph, sources);
     scenes.retain(|scene| {
-        let is_known = scene.known.contains(&view);
+        let is_known = scene.known.contains(&view(scene));
         if !is_known {
             skipped.push(Skipped {
                 name: scene.name.clone(),
@@ -134,6 +145,7 @@ fn all(graph: &Graph, sources: &[String]) -> (Vec<Scene>, Vec<Skipped>) {
                     name: source.name(scan).to_owned(),
                     is_rendered: is_rendered(&spec),
                     scan,
+                    views: source.view_count(),
                     spec: spec.clone(),
                     known: known.clone(),
                 }));
@@ -181,12 +193,7 @@ fn open(graph: &Graph, spec: &str) -> Result<Source, Failure> {
         true => Failure::usage(error),
         false => Failure::failed(error),
     })?;
-    match source.view_count() {
-        3 => Ok(source),
-        count => Err(Failure::usage(format!(
-            "three views are matched, not {count}"
-        ))),
-    }
+    Ok(source)
 }
 
 /// The folders in a folder, by name.

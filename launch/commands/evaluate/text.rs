@@ -26,6 +26,7 @@ pub(super) fn of(report: &Report) -> String {
     for (at, method) in report.methods.iter().enumerate() {
         figures(report, at, *method, &mut text);
     }
+    gains(report, &mut text);
     if report.methods.len() > 1 {
         mismatches(report, &mut text);
     }
@@ -89,6 +90,76 @@ fn figures(report: &Report, at: usize, method: Method, text: &mut String) {
     for step in mean.curve.iter().skip(1).step_by(2) {
         let (share, bad) = (100.0 * step.share, 100.0 * step.bad_1);
         writeln!(text, "{share:>5.0} % {:>8.3} {bad:>7.2}", step.coverage).unwrap_or_default();
+    }
+    writeln!(text).unwrap_or_default();
+}
+
+/// What more than three views are worth: errors beside those of a triple at the same coverage.
+fn gains(report: &Report, text: &mut String) {
+    let gains = || {
+        report
+            .scenes
+            .iter()
+            .filter_map(|scene| Some((&scene.name, scene.gain?)))
+    };
+    if gains().next().is_none() {
+        return;
+    }
+    let width = width(report);
+    writeln!(
+        text,
+        "all views beside the triple around the reference view, at the same coverage\n\
+         {:<width$} {:>5} {:>8} | {:^23} | {:^23} | {:^23}\n\
+         {:<width$} {:>5} {:>8} | {:>8} {:>7} {:>6} | {:>8} {:>7} {:>6} | {:>8} {:>7} {:>6}",
+        "",
+        "",
+        "",
+        "median px",
+        "bad-0.5 %",
+        "bad-1 %",
+        "scene",
+        "views",
+        "coverage",
+        "triple",
+        "all",
+        "ratio",
+        "triple",
+        "all",
+        "ratio",
+        "triple",
+        "all",
+        "ratio",
+    )
+    .unwrap_or_default();
+    let mut line = |name: &str, views: &str, coverage: f64, pairs: [[f64; 2]; 3]| {
+        write!(text, "{name:<width$} {views:>5} {coverage:>8.3}").unwrap_or_default();
+        for ([triple, all], places) in pairs.into_iter().zip([4, 2, 2]) {
+            let ratio = match triple > 0.0 {
+                true => format!("{:.2}", all / triple),
+                false => "-".to_owned(),
+            };
+            write!(text, " | {triple:>8.places$} {all:>7.places$} {ratio:>6}").unwrap_or_default();
+        }
+        writeln!(text).unwrap_or_default();
+    };
+    let mut sums = ([[0.0; 2]; 3], 0.0, 0.0);
+    for (name, gain) in gains() {
+        let both = |of: fn(&Figures) -> f32| [&gain.triple, &gain.all].map(|f| f64::from(of(f)));
+        let pairs = [
+            both(|f| f.median),
+            both(|f| 100.0 * f.bad_0_5),
+            both(|f| 100.0 * f.bad_1),
+        ];
+        for (sum, pair) in sums.0.iter_mut().flatten().zip(pairs.iter().flatten()) {
+            *sum += pair;
+        }
+        sums.1 += f64::from(gain.coverage);
+        sums.2 += 1.0;
+        line(name, &gain.views.to_string(), gain.coverage.into(), pairs);
+    }
+    if sums.2 > 1.0 {
+        let means = sums.0.map(|pair| pair.map(|sum| sum / sums.2));
+        line("mean", "", sums.1 / sums.2, means);
     }
     writeln!(text).unwrap_or_default();
 }

@@ -6,22 +6,22 @@
 use matching::{Reference, Settings};
 use messages::{Point, Size};
 
-/// The same settings with another reference view.
-pub(super) fn elsewhere(settings: &Settings) -> Settings {
+/// The same settings with another reference view, next to theirs.
+pub(super) fn elsewhere(settings: &Settings, views: usize) -> Settings {
     Settings {
-        reference: match settings.reference {
-            Reference::Centre => Reference::Left,
-            Reference::Left | Reference::Right => Reference::Centre,
-        },
+        reference: Reference::View(match settings.reference.index(views) {
+            0 => 1,
+            view => view as u32 - 1,
+        }),
         ..settings.clone()
     }
 }
 
 /// Steps to the right from the reference view to the other one.
-pub(super) fn steps(settings: &Settings) -> f32 {
-    match settings.reference {
-        Reference::Left => 1.0,
-        Reference::Centre | Reference::Right => -1.0,
+pub(super) fn steps(settings: &Settings, views: usize) -> f32 {
+    match settings.reference.index(views) {
+        0 => 1.0,
+        _ => -1.0,
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use messages::Reference;
 use messages::bus::{Bus, Level, Request, Run, Start};
 use serde_json::Value;
 
@@ -54,7 +55,5 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), LiveE
 
 /// Index of the view that disparities and points belong to.
 pub fn reference_of(run: &Run, configuration: &Value) -> usize {
-    let reference = configuration.get("match").and_then(|m| m.get("reference"));
-    let named = |view: &messages::View| reference.and_then(Value::as_str) == Some(&view.name);
-    run.rig.views.iter().position(named).unwrap_or_default()
+    Reference::of(configuration).index(run.rig.views.len())
 }

@@ -11,7 +11,7 @@ use crate::description::Description;
 use crate::error::SourceError;
 use crate::image_file::{self, Head};
 use crate::middlebury;
-use crate::settings::Mode;
+use crate::settings::{Mode, Views};
 use crate::truth::{Encoding, TruthFile};
 
 /// The images of one scene, in a folder.
@@ -60,26 +60,27 @@ pub(crate) enum Why {
 
 impl Choice {
     /// The views asked for, or a sensible choice among `count` views.
-    pub(crate) fn among(asked: &[u32], count: usize, triple: Option<&[u32]>) -> Self {
-        let (views, why) = match triple {
-            _ if !asked.is_empty() => (asked.to_vec(), Why::Asked),
+    pub(crate) fn among(asked: &Views, count: usize, triple: Option<&[u32]>) -> Self {
+        let (views, why) = match (asked, triple) {
+            (Views::All, _) => ((0..count as u32).collect(), Why::Asked),
+            (Views::These(asked), _) if !asked.is_empty() => (asked.clone(), Why::Asked),
             _ if count == 3 => (vec![0, 1, 2], Why::All),
-            Some(triple) => (triple.to_vec(), Why::FirstTriple),
-            None => (vec![0, 1, 2], Why::FirstThree),
+            (_, Some(triple)) => (triple.to_vec(), Why::FirstTriple),
+            (_, None) => (vec![0, 1, 2], Why::FirstThree),
         };
         Self { views, why }
     }
 
     /// The frames asked for, or all.
-    fn of_frames(asked: &[u32], count: usize) -> Self {
-        match asked.is_empty() {
-            true => Self {
+    fn of_frames(asked: &Views, count: usize) -> Self {
+        match asked {
+            Views::These(asked) if !asked.is_empty() => Self {
+                views: asked.clone(),
+                why: Why::Asked,
+            },
+            _ => Self {
                 views: (0..count as u32).collect(),
                 why: Why::All,
-            },
-            false => Self {
-                views: asked.to_vec(),
-                why: Why::Asked,
             },
         }
     }
@@ -161,7 +162,7 @@ impl Listing {
 }
 
 /// Opens a folder of images, or a folder of such folders, and checks the head of every chosen image.
-pub(crate) fn open(folder: &Path, asked: &[u32], mode: Mode) -> Result<Vec<Album>, SourceError> {
+pub(crate) fn open(folder: &Path, asked: &Views, mode: Mode) -> Result<Vec<Album>, SourceError> {
     let listing = Listing::read(folder)?;
     if let Some(album) = album(folder, &listing, asked, mode)? {
         return Ok(vec![album]);
@@ -197,7 +198,7 @@ pub(crate) fn open(folder: &Path, asked: &[u32], mode: Mode) -> Result<Vec<Album
 fn album(
     folder: &Path,
     listing: &Listing,
-    asked: &[u32],
+    asked: &Views,
     mode: Mode,
 ) -> Result<Option<Album>, SourceError> {
     let described = Description::read(folder)?;

@@ -38,6 +38,6 @@ mod truth;
 pub use calibration::{Camera, Lens};
 pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
 pub use rectify::Map;
-pub use settings::{Mode, Settings};
+pub use settings::{Mode, Settings, Views};
 pub use source::{Place, Source};
 pub use truth::Truth;

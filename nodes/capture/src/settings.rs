@@ -14,6 +14,53 @@ pub enum Mode {
     Rail,
 }
 
+/// Which of a scene's views are taken: a list of numbers, which may be empty, or `"all"`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Views {
+    /// All there are.
+    All,
+    /// These, left to right, counted from 0; of none a sensible choice is made.
+    #[serde(untagged)]
+    These(Vec<u32>),
+}
+
+impl std::str::FromStr for Views {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "all" {
+            return Ok(Self::All);
+        }
+        let numbers = text.split(',').map(|number| number.trim().parse());
+        let numbers = numbers.collect::<Result<_, _>>();
+        numbers.map(Self::These).map_err(|_| {
+            format!("views are all, or numbers counted from 0 with commas between, as 1,3,5, not {text:?}")
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Views {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Said {
+            These(Vec<u32>),
+            One(u32),
+            Text(String),
+            Other(serde::de::IgnoredAny),
+        }
+        match Said::deserialize(deserializer)? {
+            Said::These(views) => Ok(Self::These(views)),
+            Said::One(view) => Ok(Self::These(vec![view])),
+            Said::Text(text) => text.parse().map_err(serde::de::Error::custom),
+            Said::Other(_) => Err(serde::de::Error::custom(
+                "views are all, or a list of numbers counted from 0",
+            )),
+        }
+    }
+}
+
 messages::settings! {
     /// Where scans come from and how many of them there are.
     pub struct Settings {
@@ -21,9 +68,9 @@ messages::settings! {
         /// folder: of one scene's images, or of such folders, one scan each; or cameras:
         /// `camera:gstreamer`, `camera:v4l`, or `camera:bus`, which other programs publish.
         pub source: String = "scene:all".to_owned();
-        /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps. Empty: all
-        /// of exactly three, else the first triple that `scene.json` lists, else the first three.
-        pub views: Vec<u32> = Vec::new(), in 0..=1000000;
+        /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps, or all. Empty:
+        /// all of exactly three, else the first triple that `scene.json` lists, else the first three.
+        pub views: Views = Views::These(Vec::new());
         /// What a scan is: rig (several views taken at once) or rail (a frame of one camera that moves; the views of a
         /// scene, in order, are its frames).
         pub mode: Mode = Mode::Rig;
@@ -90,7 +137,7 @@ impl Settings {
     /// The thesis's triples: left, central and right view of its three objects, 512x480, 8 bit.
     pub fn thesis() -> Self {
         Self {
-            views: vec![0, 1, 2],
+            views: Views::These(vec![0, 1, 2]),
             ..Self::default()
         }
     }

@@ -94,9 +94,57 @@ impl Evaluator {
     ) {
         out.scores.clear();
         out.curve.clear();
+        if !self.begin(known, points) {
+            return;
+        }
+        let score = self.compare(known.size, NONE);
+        out.scores.push(score);
+        self.trace(known.size, score.edges, out);
+        for (channel, matches) in (0..).zip(matches) {
+            self.points.clear();
+            self.points.extend(matches.points.iter().map(|p| Seen {
+                x: p.x,
+                y: p.y,
+                disparity: p.disparity,
+                score: p.score,
+            }));
+            let score = self.compare(known.size, channel);
+            out.scores.push(score);
+        }
+    }
+
+    /// Compares the surest points with the truth, as many as cover a share of the edges: so that results that cover more
+    /// and less are compared at the same coverage.
+    pub fn surest(&mut self, known: Known<'_>, points: PointsView<'_>, coverage: f32) -> Score {
+        if !self.begin(known, points) {
+            return Score::default();
+        }
+        self.bare_all();
+        let edges: u32 = self.bare.iter().map(|bare| u32::from(*bare)).sum();
+        let wanted = f64::from(coverage) * f64::from(edges);
+        self.sort();
+        let (mut covered, mut kept) = (0u32, 0);
+        while kept < self.order.len() && f64::from(covered) < wanted {
+            let index = self.order[kept] as u32 as usize;
+            covered += cover(
+                &mut self.bare,
+                known.size,
+                Place::of(&self.points[index], known.size),
+            );
+            kept += 1;
+        }
+        let kept = self.order[..kept]
+            .iter()
+            .map(|&key| self.points[key as u32 as usize]);
+        self.points = kept.collect();
+        self.compare(known.size, NONE)
+    }
+
+    /// Takes in what is known and the points; says whether it fits.
+    fn begin(&mut self, known: Known<'_>, points: PointsView<'_>) -> bool {
         let pixels = known.size.pixels();
         if known.pixels.len() != pixels || known.truth.len() != pixels {
-            return;
+            return false;
         }
         self.canny.find(known.pixels, known.size, &mut self.edges);
         self.truth.clear();
@@ -114,20 +162,17 @@ impl Evaluator {
             disparity: p.disparity,
             score: p.score,
         }));
-        let score = self.compare(known.size, NONE);
-        out.scores.push(score);
-        self.trace(known.size, score.edges, out);
-        for (channel, matches) in (0..).zip(matches) {
-            self.points.clear();
-            self.points.extend(matches.points.iter().map(|p| Seen {
-                x: p.x,
-                y: p.y,
-                disparity: p.disparity,
-                score: p.score,
-            }));
-            let score = self.compare(known.size, channel);
-            out.scores.push(score);
-        }
+        true
+    }
+
+    /// Orders the points, the surest first.
+    fn sort(&mut self) {
+        self.order.clear();
+        let keys = (0..)
+            .zip(&self.points)
+            .map(|(i, point)| key(point.score, i));
+        self.order.extend(keys);
+        self.order.sort_unstable();
     }
 
     /// Compares the points with the truth; their errors are kept.
@@ -176,12 +221,7 @@ impl Evaluator {
     /// The error of the surest points over what they cover.
     fn trace(&mut self, size: Size, edges: u32, out: &mut EvaluationRoom<'_>) {
         self.bare_all();
-        self.order.clear();
-        let keys = (0..)
-            .zip(&self.points)
-            .map(|(i, point)| key(point.score, i));
-        self.order.extend(keys);
-        self.order.sort_unstable();
+        self.sort();
         let (mut covered, mut known, mut bad) = (0u32, 0u32, 0u32);
         let mut next = 0;
         for step in 1..=SHARES {

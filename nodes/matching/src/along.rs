@@ -31,7 +31,7 @@ pub(crate) struct Choice {
     pub(crate) margin: f32,
     /// How far the three columns are from one straight motion, in pixels.
     pub(crate) bend: f32,
-    /// Spots in the near and the far view; [`NONE`] where filled in.
+    /// Spots in the near and the far view; [`NONE`] where it is not seen, both where filled in.
     pub(crate) spots: [u32; 2],
     /// The curves they belong to.
     pub(crate) curves: [u32; 2],
@@ -63,7 +63,7 @@ impl Choice {
 
     /// Whether it was seen in every view that has a say.
     pub(crate) fn is_seen(&self) -> bool {
-        self.spots[0] != NONE
+        self.spots != [NONE; 2]
     }
 }
 
@@ -129,7 +129,7 @@ impl Along {
                     let step = (change * (state.disparity - candidate.disparity).abs()
                         + if state.curve == curve { 0.0 } else { crossing })
                     .min(jump);
-                    let step = if state.curve == NONE { 0.0 } else { step };
+                    let step = if state.disparity.is_nan() { 0.0 } else { step };
                     if state.cost + step < best.0 {
                         best = (state.cost + step, back as u32);
                     }

@@ -3,7 +3,8 @@
 use messages::{Reason, Size};
 
 use crate::along::{self, Choice, Smoothness, Steadiness};
-use crate::candidates::Likeness;
+use crate::candidates::{self, Likeness};
+use crate::sightings::Sightings;
 use crate::triple::Steps;
 use crate::{ChannelView, Matcher, Range};
 
@@ -16,6 +17,7 @@ impl Matcher {
         range: Range,
         steps: Steps,
         has_coarser: bool,
+        further: &[f32],
     ) {
         let s = &self.settings;
         let reference = views[steps.reference].curves;
@@ -26,6 +28,7 @@ impl Matcher {
             flat: s.flat.to_radians(),
             turn_cost: s.turn_cost,
             miss_cost: s.miss_cost,
+            unseen_cost: s.unseen_cost,
             gray_cost: s.gray_cost,
             gray_most: s.gray_most,
             better: s.better_side / (1.0 + s.better_side),
@@ -42,8 +45,31 @@ impl Matcher {
             None => None,
         };
         let lost = &mut self.lost;
-        self.candidates
-            .gather(&self.rows, steps, range, &like, predicted, lost);
+        let rows = &self.rows[steps.reference];
+        match further.is_empty() {
+            true => self.candidates.gather(
+                rows,
+                range,
+                &like,
+                predicted,
+                lost,
+                |spot, row, range, list| {
+                    candidates::pairs(&self.rows, &steps, &like, (spot, row), range, list)
+                },
+            ),
+            false => {
+                let mut sightings =
+                    Sightings::new(&self.rows, &steps, further, &self.further, size.width);
+                self.candidates.gather(
+                    rows,
+                    range,
+                    &like,
+                    predicted,
+                    lost,
+                    |spot, row, range, list| sightings.find(&like, (spot, row), range, list),
+                );
+            }
+        }
 
         let smoothness = Smoothness {
             nothing: s.nothing,

@@ -40,6 +40,8 @@ pub(crate) struct Likeness {
     pub(crate) turn_cost: f32,
     /// Cost of the greatest miss.
     pub(crate) miss_cost: f32,
+    /// Cost of being seen in none of more than two other views.
+    pub(crate) unseen_cost: f32,
     /// Cost of one gray level.
     pub(crate) gray_cost: f32,
     /// Most that gray levels cost.
@@ -84,18 +86,17 @@ impl Candidates {
     }
 
     /// Collects the candidates of every point of the reference view, in the whole range of disparities or in what is
-    /// predicted around each. Why a point has none, or will hardly choose one, goes to `lost`.
+    /// predicted around each: `search` appends those of a point, and says why there are no others. Why a point has none,
+    /// or will hardly choose one, goes to `lost`.
     pub(crate) fn gather(
         &mut self,
-        rows: &[Rows; 3],
-        steps: Steps,
+        reference: &Rows,
         range: Range,
         like: &Likeness,
         predicted: Option<&Surroundings>,
         lost: &mut [Reason],
+        mut search: impl FnMut(&Spot, usize, Range, &mut Vec<Candidate>) -> Reason,
     ) {
-        let reference = &rows[steps.reference];
-        let (near, far) = (&rows[steps.near], &rows[steps.far]);
         self.list.clear();
         self.of_point.clear();
         self.of_point.resize(reference.curve_of.len(), (0, 0));
@@ -107,57 +108,7 @@ impl Candidates {
                 let start = self.list.len();
                 let range =
                     predicted.map_or(range, |predicted| predicted.range(spot.x, row as f32));
-                let ends = [
-                    spot.x - steps.to_near * range.most,
-                    spot.x - steps.to_near * range.least,
-                ];
-                let (least, most) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-                let mut reason = Reason::NoPartner;
-                for (n, beside) in near.between(row, least, most) {
-                    let near_turn = turn(spot.orientation, beside.orientation);
-                    if near_turn > like.turn {
-                        continue;
-                    }
-                    let short = (spot.x - beside.x) / steps.to_near;
-                    if !steps.third {
-                        reason = Reason::Unlike;
-                        let cost = like.cost(spot, [beside], near_turn, 0.0);
-                        if cost < like.most && (range.least..=range.most).contains(&short) {
-                            self.list.push(Candidate {
-                                disparity: short,
-                                cost,
-                                bend: 0.0,
-                                spots: [n as u32, NONE],
-                                curves: [beside.curve, NONE],
-                            });
-                        }
-                        continue;
-                    }
-                    reason = reason.max(Reason::ThirdView);
-                    let expected = spot.x - steps.to_far * short;
-                    for (f, beyond) in far.between(row, expected - like.miss, expected + like.miss)
-                    {
-                        let far_turn = turn(spot.orientation, beyond.orientation);
-                        if far_turn > like.turn {
-                            continue;
-                        }
-                        reason = Reason::Unlike;
-                        let xs = steps.in_order(spot.x, beside.x, beyond.x);
-                        let (disparity, bend) = steps.measure(xs);
-                        let miss = (beyond.x - expected).abs();
-                        let cost = like.cost(spot, [beside, beyond], near_turn + far_turn, miss);
-                        if cost < like.most && (range.least..=range.most).contains(&disparity) {
-                            let spots = [n as u32, f as u32];
-                            self.list.push(Candidate {
-                                disparity,
-                                cost,
-                                bend,
-                                spots,
-                                curves: [beside.curve, beyond.curve],
-                            });
-                        }
-                    }
-                }
+                let reason = search(spot, row, range, &mut self.list);
                 let own = &mut self.list[start..];
                 own.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.spots.cmp(&b.spots)));
                 lost[spot.point as usize] = match own.first() {
@@ -173,11 +124,75 @@ impl Candidates {
     }
 }
 
+/// Appends the pairs of points in the near and the far view that may show the same place as a point of the reference
+/// view, and says what became of those that may not; without the third view the points of the near view.
+pub(crate) fn pairs(
+    rows: &[Rows; 3],
+    steps: &Steps,
+    like: &Likeness,
+    (spot, row): (&Spot, usize),
+    range: Range,
+    list: &mut Vec<Candidate>,
+) -> Reason {
+    let (near, far) = (&rows[steps.near], &rows[steps.far]);
+    let mut reason = Reason::NoPartner;
+    for (n, beside) in near.within(row, spot.x, steps.to_near, range) {
+        let near_turn = turn(spot.orientation, beside.orientation);
+        if near_turn > like.turn {
+            continue;
+        }
+        let short = (spot.x - beside.x) / steps.to_near;
+        if !steps.third {
+            reason = Reason::Unlike;
+            let cost = like.cost(spot, [beside], near_turn, 0.0);
+            if cost < like.most && range.contains(short) {
+                list.push(Candidate {
+                    disparity: short,
+                    cost,
+                    bend: 0.0,
+                    spots: [n as u32, NONE],
+                    curves: [beside.curve, NONE],
+                });
+            }
+            continue;
+        }
+        reason = reason.max(Reason::ThirdView);
+        let expected = spot.x - steps.to_far * short;
+        for (f, beyond) in far.between(row, expected - like.miss, expected + like.miss) {
+            let far_turn = turn(spot.orientation, beyond.orientation);
+            if far_turn > like.turn {
+                continue;
+            }
+            reason = Reason::Unlike;
+            let xs = steps.in_order(spot.x, beside.x, beyond.x);
+            let (disparity, bend) = steps.measure(xs);
+            let miss = (beyond.x - expected).abs();
+            let cost = like.cost(spot, [beside, beyond], near_turn + far_turn, miss);
+            if cost < like.most && range.contains(disparity) {
+                list.push(Candidate {
+                    disparity,
+                    cost,
+                    bend,
+                    spots: [n as u32, f as u32],
+                    curves: [beside.curve, beyond.curve],
+                });
+            }
+        }
+    }
+    reason
+}
+
 impl Likeness {
     /// Cost of taking a point for its likes in one or two other views, from which it turns by `turns` in all; they miss
     /// one straight motion by `miss` pixels.
     #[inline]
-    fn cost<const N: usize>(&self, own: &Spot, others: [&Spot; N], turns: f32, miss: f32) -> f32 {
+    pub(crate) fn cost<const N: usize>(
+        &self,
+        own: &Spot,
+        others: [&Spot; N],
+        turns: f32,
+        miss: f32,
+    ) -> f32 {
         self.turn_cost * turns / (N as f32 * self.turn)
             + self.miss_cost * miss / self.miss
             + self.gray(own, others)

@@ -22,6 +22,7 @@ mod relation;
 mod report;
 mod rows;
 pub mod settings;
+mod sightings;
 mod support;
 mod surroundings;
 mod triple;
@@ -32,7 +33,8 @@ use messages::{
     Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, TablesView,
 };
 
-pub use settings::{Assignment, Filling, Method, Reference, Settings};
+pub use messages::Reference;
+pub use settings::{Assignment, Filling, Method, Settings};
 pub use triple::Triple;
 
 use along::{Along, Choice};
@@ -60,6 +62,19 @@ pub(crate) struct Range {
     pub(crate) most: f32,
 }
 
+impl Range {
+    fn contains(self, disparity: f32) -> bool {
+        (self.least..=self.most).contains(&disparity)
+    }
+}
+
+/// What the views say in one channel: those of the triple, left to right, and further ones.
+#[derive(Debug)]
+struct Seen<'a> {
+    triple: [ChannelView<'a>; 3],
+    further: Vec<ChannelView<'a>>,
+}
+
 /// The matcher, with its memory: it grows to the largest scan and is reused from then on.
 #[derive(Debug, Default)]
 pub struct Matcher {
@@ -67,6 +82,8 @@ pub struct Matcher {
     /// σ² of each channel.
     variances: Vec<f32>,
     rows: [Rows; 3],
+    /// Those of further views than three.
+    further: Vec<Rows>,
     candidates: Candidates,
     along: Along,
     support: Support,
@@ -102,21 +119,43 @@ impl Matcher {
         &self.settings
     }
 
-    /// Matches one scan of a rig: `inputs` holds the channels coarse to fine, each with its three views left to right;
-    /// `matches` has a room for each channel.
-    pub fn process(
+    /// Matches one scan of a rig: `inputs` holds the channels coarse to fine, each with its three or more views left to
+    /// right, a baseline apart; `matches` has a room for each channel.
+    ///
+    /// Matches name the curves of the reference view and of the two next to it. Where points along curves are matched in
+    /// three views, further ones bear witness too; the other methods look at those three only.
+    pub fn process<'a>(
         &mut self,
-        inputs: &[[ChannelView<'_>; 3]],
+        inputs: &[impl AsRef<[ChannelView<'a>]>],
         size: Size,
         calibration: &Calibration,
         matches: &mut [MatchesRoom<'_>],
         disparity: &mut DisparityRoom<'_>,
         points: &mut PointsRoom<'_>,
     ) {
-        let triple = Triple::of_rig(self.settings.reference);
-        self.process_triple(
+        let count = inputs.first().map_or(0, |views| views.as_ref().len());
+        if count < 3 {
+            return;
+        }
+        let reference = self.settings.reference.index(count).min(count - 1);
+        let first = reference.clamp(1, count - 2) - 1;
+        let triple = Triple::of_rig(reference - first);
+        let is_further = |view: &usize| !(first..first + 3).contains(view);
+        let further: Vec<usize> = (0..count).filter(is_further).collect();
+        let places = further.iter().map(|&view| view as f32 - first as f32);
+        let places: Vec<f32> = places.collect();
+        let channels = inputs.iter().map(|views| {
+            let views = views.as_ref();
+            Seen {
+                triple: std::array::from_fn(|view| views[first + view]),
+                further: further.iter().map(|&view| views[view]).collect(),
+            }
+        });
+        let channels: Vec<Seen<'_>> = channels.collect();
+        self.process_all(
             &triple,
-            inputs,
+            &places,
+            &channels,
             size,
             calibration,
             matches,
@@ -128,10 +167,42 @@ impl Matcher {
     /// Matches three views wherever they stand; the calibration's baseline is the unit of their places, and each channel
     /// has its views in their order.
     #[expect(clippy::too_many_arguments, reason = "where, what, and where to")]
-    pub fn process_triple(
+    pub fn process_triple<'a>(
         &mut self,
         triple: &Triple,
-        inputs: &[[ChannelView<'_>; 3]],
+        inputs: &[impl AsRef<[ChannelView<'a>]>],
+        size: Size,
+        calibration: &Calibration,
+        matches: &mut [MatchesRoom<'_>],
+        disparity: &mut DisparityRoom<'_>,
+        points: &mut PointsRoom<'_>,
+    ) {
+        let channels = inputs.iter().map(|views| {
+            let views = views.as_ref();
+            Seen {
+                triple: std::array::from_fn(|view| views[view]),
+                further: Vec::new(),
+            }
+        });
+        let channels: Vec<Seen<'_>> = channels.collect();
+        self.process_all(
+            triple,
+            &[],
+            &channels,
+            size,
+            calibration,
+            matches,
+            disparity,
+            points,
+        );
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "where, what, and where to")]
+    fn process_all(
+        &mut self,
+        triple: &Triple,
+        further: &[f32],
+        inputs: &[Seen<'_>],
         size: Size,
         calibration: &Calibration,
         matches: &mut [MatchesRoom<'_>],
@@ -146,7 +217,7 @@ impl Matcher {
                 .unwrap_or(size.width as f32 / 8.0),
         };
         for (channel, (views, room)) in inputs.iter().zip(matches.iter_mut()).enumerate() {
-            self.match_channel(triple, views, size, range, channel, room);
+            self.match_channel(triple, further, views, size, range, channel, room);
         }
         let fill_in = self
             .settings
@@ -163,10 +234,15 @@ impl Matcher {
         );
     }
 
+    #[expect(clippy::too_many_arguments, reason = "where, what, and where to")]
     fn match_channel(
         &mut self,
         triple: &Triple,
-        views: &[ChannelView<'_>; 3],
+        further: &[f32],
+        Seen {
+            triple: views,
+            further: others,
+        }: &Seen<'_>,
         size: Size,
         range: Range,
         channel: usize,
@@ -180,6 +256,15 @@ impl Matcher {
             let to_the_right = triple.places[at] - triple.places[triple.reference];
             rows.fill(view, size.width, triple.drift * to_the_right);
         }
+        let own = triple.places[triple.reference];
+        let further: Vec<f32> = match steps.third && self.settings.assignment == Assignment::Point {
+            true => further.iter().map(|place| place - own).collect(),
+            false => Vec::new(),
+        };
+        self.further.resize_with(further.len(), Rows::default);
+        for ((rows, view), to) in self.further.iter_mut().zip(others).zip(&further) {
+            rows.fill(view, size.width, triple.drift * to);
+        }
         self.choices.clear();
         self.choices.resize(reference.points.len(), Choice::NOTHING);
         self.lost.clear();
@@ -191,7 +276,9 @@ impl Matcher {
         let width = (8.0 * variance).sqrt();
         match (self.settings.method, self.settings.assignment) {
             (Method::Point, _) => self.match_points(views, size, range, steps, width, channel > 0),
-            (_, Assignment::Point) => self.assign_points(views, size, range, steps, channel > 0),
+            (_, Assignment::Point) => {
+                self.assign_points(views, size, range, steps, channel > 0, &further)
+            }
             (_, Assignment::Curve) => {
                 self.assign_curves(views, size, range, steps, width, channel > 0)
             }

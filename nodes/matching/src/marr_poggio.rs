@@ -17,7 +17,7 @@
 use messages::{Reason, Size};
 
 use crate::along::Choice;
-use crate::candidates::{Candidate, Likeness};
+use crate::candidates::{self, Candidate, Likeness};
 use crate::rows::is_flat;
 use crate::triple::Steps;
 use crate::{ChannelView, Matcher, Range};
@@ -45,6 +45,7 @@ impl Matcher {
             flat: s.flat.to_radians(),
             turn_cost: 1.0,
             miss_cost: 0.0,
+            unseen_cost: 0.0,
             gray_cost: 0.0,
             gray_most: 0.0,
             better: 1.0,
@@ -64,8 +65,17 @@ impl Matcher {
             most: (disparity + reach).min(range.most),
         });
         let lost = &mut self.lost;
-        self.candidates
-            .gather(&self.rows, steps, range_here, &like, predicted, lost);
+        let reference = &self.rows[steps.reference];
+        self.candidates.gather(
+            reference,
+            range_here,
+            &like,
+            predicted,
+            lost,
+            |spot, row, range, list| {
+                candidates::pairs(&self.rows, &steps, &like, (spot, row), range, list)
+            },
+        );
 
         self.around
             .clear(size, s.support_cell, s.support_within, range);

@@ -27,10 +27,14 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
         let Some((rail, frames)) = &mut frames else {
             let header = scan.header();
             let matcher = matcher.at(&header)?;
-            let triple = Triple::of_rig(matcher.settings().reference);
-            let views = [0, 1, 2].map(|view| (&scan, view));
-            let found = Some((&triple, views));
-            match_triple(matcher, &rig, &header, found, &results, &mut count)?;
+            match_views(
+                matcher,
+                &rig,
+                &header,
+                Found::Scan(&scan),
+                &results,
+                &mut count,
+            )?;
             done.done(scan.sequence)?;
             continue;
         };
@@ -51,18 +55,18 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
                     let scans = [scan, near, far];
                     let places_m = scans.map(|scan| scan.header().position_m);
                     let found = rail::triple(rail, places_m, baseline_m);
-                    found.map(|triple| (triple, scans.map(|scan| (scan, 0))))
+                    found.map(|triple| (triple, scans))
                 }
             };
             let matcher = matcher.at(&header)?;
-            let views = match &found {
-                Ok((triple, views)) => Some((triple, *views)),
+            let found = match &found {
+                Ok((triple, views)) => Found::Frames(triple, *views),
                 Err(why) => {
                     *count.without.entry(*why).or_default() += 1;
-                    None
+                    Found::Nothing
                 }
             };
-            match_triple(matcher, &rig, &header, views, &results, &mut count)?;
+            match_views(matcher, &rig, &header, found, &results, &mut count)?;
             done.done(sequence)?;
         }
     }
@@ -88,22 +92,40 @@ struct Count {
     without: BTreeMap<NoTriple, u64>,
 }
 
-/// Matches three views, each of a scan; without them the results are empty.
-fn match_triple(
+/// What is matched.
+#[derive(Clone, Copy)]
+enum Found<'a> {
+    /// All views of a rig's scan.
+    Scan(&'a Joined),
+    /// A camera's frames along a rail, the newest first.
+    Frames(&'a Triple, [&'a Joined; 3]),
+    /// Nothing: the results are empty.
+    Nothing,
+}
+
+/// Matches the views of a scan, or frames.
+fn match_views(
     matcher: &mut Matcher,
     rig: &Rig,
     cause: &Header,
-    found: Option<(&Triple, [(&Joined, u32); 3])>,
+    found: Found<'_>,
     results: &Outputs,
     count: &mut Count,
 ) -> Result<(), BusError> {
     let channels = 0..rig.channels.len() as u32;
+    let views = match found {
+        Found::Scan(scan) => (0..rig.views.len() as u32)
+            .map(|view| (scan, view))
+            .collect(),
+        Found::Frames(_, frames) => frames.map(|frame| (frame, 0)).to_vec(),
+        Found::Nothing => Vec::new(),
+    };
     let mut inputs = Vec::with_capacity(channels.len());
     for channel in channels.clone() {
-        if let Some((_, [one, two, three])) = found {
-            let view = |(scan, view)| channel_view(scan, view, channel);
-            inputs.push([view(one)?, view(two)?, view(three)?]);
-        }
+        let views = views
+            .iter()
+            .map(|&(scan, view)| channel_view(scan, view, channel));
+        inputs.push(views.collect::<Result<Vec<_>, _>>()?);
     }
     let mut matches = channels
         .map(|channel| results.loan::<Matches>(NONE, channel))
@@ -117,17 +139,14 @@ fn match_triple(
             .collect::<Result<Vec<_>, _>>()?;
         let (mut disparity, mut points) = (disparity.room()?, points.room()?);
         let size = cause.size();
+        let calibration = rig.calibration(size);
+        let out = (&mut rooms[..], &mut disparity, &mut points);
         match found {
-            Some((triple, _)) => matcher.process_triple(
-                triple,
-                &inputs,
-                size,
-                &rig.calibration(size),
-                &mut rooms,
-                &mut disparity,
-                &mut points,
-            ),
-            None => disparity.disparity.grow(size.pixels()).fill(f32::NAN),
+            Found::Scan(_) => matcher.process(&inputs, size, &calibration, out.0, out.1, out.2),
+            Found::Frames(triple, _) => {
+                matcher.process_triple(triple, &inputs, size, &calibration, out.0, out.1, out.2)
+            }
+            Found::Nothing => disparity.disparity.grow(size.pixels()).fill(f32::NAN),
         }
         count.matches += rooms
             .iter()

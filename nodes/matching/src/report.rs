@@ -40,7 +40,8 @@ impl Matcher {
                 if choice.is_seen() {
                     residual += choice.bend.abs();
                     seen += 1.0;
-                    for (partners, partner) in self.partners.iter_mut().zip(choice.curves) {
+                    let partners = self.partners.iter_mut().zip(choice.curves);
+                    for (partners, partner) in partners.filter(|(_, partner)| *partner != NONE) {
                         match partners.iter_mut().find(|known| known.0 == partner) {
                             Some(known) => known.1 += 1,
                             None => partners.push((partner, 1)),

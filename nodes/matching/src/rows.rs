@@ -2,7 +2,7 @@
 
 use messages::{Edge, NONE};
 
-use crate::ChannelView;
+use crate::{ChannelView, Range};
 
 /// A curve point as the search along its row sees it: all that is compared, side by side in memory.
 #[derive(Clone, Copy, Debug, Default)]
@@ -109,6 +109,19 @@ impl Rows {
             Some(ends) => ends[0] as usize..ends[1] as usize,
             None => 0..0,
         }
+    }
+
+    /// The spots at which a point at column `x` of the reference view may be, its disparity being in the range and this
+    /// view so many baselines `to` its right.
+    pub(crate) fn within(
+        &self,
+        row: usize,
+        x: f32,
+        to: f32,
+        range: Range,
+    ) -> impl Iterator<Item = (usize, &Spot)> {
+        let ends = [x - to * range.most, x - to * range.least];
+        self.between(row, ends[0].min(ends[1]), ends[0].max(ends[1]))
     }
 
     /// The row's spots from column `least` on, up to column `most`, with their indices.

@@ -1,19 +1,7 @@
 //! The node's settings.
 
+use messages::Reference;
 use serde::{Deserialize, Serialize};
-
-/// Which view the results refer to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Reference {
-    /// The left one, as in the thesis.
-    #[default]
-    Left,
-    /// The central one: fewer occlusions, a shorter base to either side.
-    Centre,
-    /// The right one.
-    Right,
-}
 
 /// How many views decide, and what is compared: the three methods of the thesis's mismatch table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,7 +41,7 @@ pub enum Filling {
 messages::settings! {
     /// How curves are matched.
     pub struct Settings {
-        /// The view the results refer to: left, centre or right.
+        /// The view the results refer to: left, centre, right, or a view's number, counted from 0.
         pub reference: Reference = Reference::Left;
         /// How: three-view, or one of the rivals it is compared with: two-view (curves, without the third view) or point
         /// (zero-crossings one by one, two views).
@@ -76,6 +64,8 @@ messages::settings! {
         pub candidates: usize = 8, in 1..=32;
         /// Cost of the greatest turn allowed; a point without a candidate costs `nothing`.
         pub turn_cost: f32 = 0.6, in 0..=10;
+        /// More than three views: cost of being seen in none of those in which a point should be.
+        pub unseen_cost: f32 = 1.0, in 0..=10;
         /// Cost of the greatest miss allowed.
         pub miss_cost: f32 = 0.2, in 0..=10;
         /// Cost of one gray level of difference beside the edge. 0.12 covers 0.015 less and is wrong a tenth less

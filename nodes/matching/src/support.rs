@@ -23,7 +23,7 @@ impl Support {
         self.claims.clear();
         self.claims.resize(spots, (f32::INFINITY, NONE));
         for (point, choice) in (0..).zip(choices.iter()) {
-            if choice.is_seen() {
+            if choice.spots[which] != NONE {
                 let claim = &mut self.claims[choice.spots[which] as usize];
                 let worth = worth(choice);
                 if worth < claim.0 {
@@ -33,7 +33,7 @@ impl Support {
         }
         for point in 0..choices.len() {
             let choice = &choices[point];
-            if !choice.is_seen() {
+            if choice.spots[which] == NONE {
                 continue;
             }
             let winner = self.claims[choice.spots[which] as usize].1 as usize;

@@ -1,7 +1,5 @@
 //! Three views of a scene: where they stand, and how columns that belong together give a disparity.
 
-use crate::Reference;
-
 /// Where the three views of a triple stand, and which of them the results belong to.
 ///
 /// A point with disparity d (pixels a baseline) seen at column x in the reference view is expected at x − t·d in a view
@@ -17,14 +15,10 @@ pub struct Triple {
 }
 
 impl Triple {
-    /// Of a rig: left, centre and right a baseline apart, level.
-    pub fn of_rig(reference: Reference) -> Self {
+    /// Of a rig's three views that lie next to each other, a baseline apart and level.
+    pub fn of_rig(reference: usize) -> Self {
         Self {
-            reference: match reference {
-                Reference::Left => 0,
-                Reference::Centre => 1,
-                Reference::Right => 2,
-            },
+            reference,
             places: [0.0, 1.0, 2.0],
             drift: 0.0,
         }
@@ -140,7 +134,7 @@ mod tests {
 
     #[test]
     fn on_a_rig_the_outer_views_give_the_disparity_and_the_middle_one_the_bend() {
-        for reference in [Reference::Left, Reference::Centre, Reference::Right] {
+        for reference in 0..3 {
             let steps = Steps::of(&Triple::of_rig(reference), true);
             let (disparity, bend) = steps.measure([100.25, 80.5, 60.0]);
             assert_eq!(disparity, (100.25 - 60.0) / 2.0);

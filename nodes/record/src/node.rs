@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use messages::Rig;
 use messages::bus::{
     self, Bell, Bus, BusError, Doctor, Event, Finisher, Joined, Joins, Log, ReportsIn, Request,
     Start,
 };
 use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
+use messages::{Reference, Rig};
 
 use crate::{
     Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread,
@@ -119,16 +119,12 @@ pub fn metadata_of(
             .map(str::to_owned)
     };
     let rig = rig.clone();
-    let reference = setting("match", "reference");
-    let reference = rig
-        .views
-        .iter()
-        .position(|view| Some(&view.name) == reference.as_ref());
+    let reference = Reference::of(configuration).index(rig.views.len());
     Metadata {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         graph,
         configuration: configuration.clone(),
-        reference: reference.unwrap_or_default(),
+        reference,
         source: setting("capture", "source")
             .or_else(|| setting("replay", "file"))
             .unwrap_or_default(),
