@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use messages::record::{Channel, Codec};
-use messages::{Kind, Rail, Rig, Topic as DataTopic};
+use messages::{Kind, Rail, Topic as DataTopic};
 use prost::Message as _;
 use prost_types::field_descriptor_proto::Label;
 use prost_types::{DescriptorProto, FileDescriptorSet};
@@ -16,9 +16,9 @@ const DEFAULT: &str = include_str!("layout.json");
 /// What it shows of the finest channel.
 const FINEST: &str = "\"matches/1\"";
 
-/// The layout, as Foxglove imports it: of a run with this rig, or of a default one.
-pub(crate) fn layout(rig: Option<&Rig>) -> String {
-    let matches = rig.and_then(|rig| DataTopic::of(rig, Kind::Matches).pop());
+/// The layout, as Foxglove imports it: of a run whose messages are written so, or of a default one.
+pub(crate) fn layout(codec: Option<&Codec>) -> String {
+    let matches = codec.and_then(|codec| DataTopic::of(codec.rig(), Kind::Matches).pop());
     let layout = match matches {
         // Where fields are named behind a dot, a name with a dot of its own stands in quotes.
         Some(topic) if topic.name.contains('.') => {
@@ -27,10 +27,27 @@ pub(crate) fn layout(rig: Option<&Rig>) -> String {
         Some(topic) => DEFAULT.replace(FINEST, &format!("\"{}\"", topic.name)),
         None => DEFAULT.to_owned(),
     };
-    match rig.and_then(|rig| rig.rail) {
-        Some(_) => along_a_rail(&layout).unwrap_or(layout),
+    match codec {
+        Some(codec) if codec.rig().rail.is_some() => along_a_rail(&layout).unwrap_or(layout),
+        Some(codec) => of_views(layout, codec),
         None => layout,
     }
+}
+
+/// The layout for a rig whose views are called otherwise: of more than three it shows those whose curves matches name.
+fn of_views(layout: String, codec: &Codec) -> String {
+    let named = codec.rig().named(codec.reference());
+    let names = named.map(|view| codec.rig().views.get(view).map(|view| &view.name));
+    let shown = ["left", "centre", "right"].into_iter().zip(names);
+    shown.fold(layout, |layout, (shown, name)| match name {
+        Some(name) if name != shown => layout
+            .replace(&format!("camera/{shown}/"), &format!("camera/{name}/"))
+            .replace(
+                &format!("\"foxglovePanelTitle\": \"{shown}\""),
+                &format!("\"foxglovePanelTitle\": \"view {name}\""),
+            ),
+        _ => layout,
+    })
 }
 
 /// The layout for one camera that moves: one image in place of three, and the map, which stays, in space.
@@ -333,19 +350,32 @@ mod tests {
         run_of(&[4.0, 2.0, 1.0]).0
     }
 
-    /// What a run with these channels has, and its rig.
-    fn run_of(channels: &[f32]) -> (There, Rig) {
+    /// What a run with these channels has, and how it is written.
+    fn run_of(channels: &[f32]) -> (There, Codec) {
         let rig = Rig::of_views(3, channels, Size::new(64, 48));
-        let codec = Codec::new(rig.clone(), 0);
-        (There::promised(&codec, codec.channels(Shown::ALL)), rig)
+        let codec = Codec::new(rig, 0);
+        let there = There::promised(&codec, codec.channels(Shown::ALL));
+        (there, codec)
+    }
+
+    #[test]
+    fn of_seven_views_those_are_shown_whose_curves_matches_name() {
+        let codec = Codec::new(Rig::of_views(7, &[4.0, 2.0, 1.0], Size::new(64, 48)), 4);
+        let there = There::promised(&codec, codec.channels(Shown::ALL));
+        let layout = layout(Some(&codec));
+        assert_eq!(check(&layout, &there).unwrap().missing, [""; 0]);
+        for view in 0..7 {
+            let is_shown = layout.contains(&format!("camera/{view}/image"));
+            assert_eq!(is_shown, (3..=5).contains(&view), "view {view}");
+        }
     }
 
     #[test]
     fn a_rail_has_all_that_its_own_layout_names() {
         let rig = Rig::of_rail(Rail::default(), &[4.0, 1.5], Size::new(64, 48));
-        let codec = Codec::new(rig.clone(), 0);
+        let codec = Codec::new(rig, 0);
         let there = There::promised(&codec, codec.channels(Shown::ALL));
-        let layout = layout(Some(&rig));
+        let layout = layout(Some(&codec));
         let checked = check(&layout, &there).unwrap();
         assert_eq!(checked.missing, Vec::<String>::new());
         assert!(layout.contains("camera/moving/annotations"), "{layout}");
@@ -354,9 +384,9 @@ mod tests {
 
     #[test]
     fn a_run_with_other_channels_has_all_that_its_own_layout_names() {
-        let (there, rig) = run_of(&[30.0, 20.5]);
+        let (there, codec) = run_of(&[30.0, 20.5]);
         assert_eq!(check(DEFAULT, &there).unwrap().missing.len(), 1);
-        let layout = layout(Some(&rig));
+        let layout = layout(Some(&codec));
         assert!(layout.contains(r#""\"matches/20.5\"""#), "{layout}");
         assert_eq!(
             check(&layout, &there).unwrap().missing,

@@ -56,7 +56,7 @@ fn mismatches(recording: &mut Recording, scan: u64) -> Option<Mismatches> {
     let evaluate: evaluate::Settings = serde_json::from_value(evaluate).unwrap_or_default();
     let view = evaluate.view as usize;
     let (scan, truth) = Tabulated::of_recording(recording, scan).ok()?;
-    if view >= 3 || recording.metadata().rig.views.len() != 3 {
+    if view >= scan.views() {
         return None;
     }
     let mut evaluator = Evaluator::new(&evaluate);

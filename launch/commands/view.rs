@@ -9,7 +9,6 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use bridge::{Live, LiveError, Player, Settings, Viewing};
-use messages::Rig;
 use messages::record::{Codec, Shown};
 use messages::recording::Recording;
 use messages::settings::Settings as _;
@@ -27,10 +26,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.layout {
         let recording = args.file.as_deref().map(Recording::open).transpose();
         let recording = recording.map_err(Failure::failed)?;
-        let rig = recording
-            .as_ref()
-            .map(|recording| &recording.metadata().rig);
-        super::print(&layout::layout(rig))?;
+        let codec = recording.as_ref().map(Recording::codec);
+        super::print(&layout::layout(codec))?;
         return Ok(Outcome::Done);
     }
     let settings = Settings {
@@ -57,16 +54,16 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
     }
     if args.check {
         let there = there_in(&mut recording)?;
-        return checked(args, &recording.metadata().rig, &there);
+        return checked(args, recording.codec(), &there);
     }
-    let rig = recording.metadata().rig.clone();
+    let codec = recording.codec().clone();
     let scans = recording.scans().len();
     let path = recording.path().display().to_string();
     let end = signals::flag(&signals::END)?;
     let mut player =
         Player::start(recording, settings, args.start_paused, HOW).map_err(Failure::failed)?;
     let title = format!("{path}: {scans} scans, played as the viewer says; Ctrl-C ends");
-    tell(args, &title, player.address(), &rig, Some(file))?;
+    tell(args, &title, player.address(), &codec, Some(file))?;
     while !end.load(Ordering::Relaxed) {
         player.turn().map_err(Failure::failed)?;
         say_slow(&player.slow());
@@ -82,10 +79,10 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
     })?;
     let orders = &running.orders;
     let reference = bridge::node::reference_of(&orders.run, &orders.configuration);
+    let codec = Codec::new(orders.run.rig.clone(), reference);
     if args.check {
-        let codec = Codec::new(orders.run.rig.clone(), reference);
         let channels = codec.channels_of(Shown::ALL, &orders.run.kinds());
-        return checked(args, &orders.run.rig, &There::promised(&codec, channels));
+        return checked(args, &codec, &There::promised(&codec, channels));
     }
     // A graph waits for nobody who looks at it: neither for memory nor for a processor.
     give_way();
@@ -103,7 +100,7 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
         error => Failure::failed(error),
     })?;
     let title = format!("the running graph {}: Ctrl-C ends the view", running.name());
-    tell(args, &title, viewing.address(), &orders.run.rig, None)?;
+    tell(args, &title, viewing.address(), &codec, None)?;
     let mut next_look = Instant::now();
     while !end.load(Ordering::Relaxed) {
         viewing.wait();
@@ -140,7 +137,7 @@ fn tell(
     args: &Args,
     title: &str,
     address: SocketAddr,
-    rig: &Rig,
+    codec: &Codec,
     file: Option<&Path>,
 ) -> Result<(), Failure> {
     if !address.ip().is_loopback() {
@@ -168,7 +165,7 @@ fn tell(
     let file = file.map_or(String::new(), |file| {
         quoted(&file.display().to_string()) + " "
     });
-    let layout = layout_file(rig).map_or_else(
+    let layout = layout_file(codec).map_or_else(
         |_| format!("tricurve view {file}--layout > layout.json"),
         |path| path.display().to_string(),
     );
@@ -221,19 +218,23 @@ fn foxglove_url(server: &str) -> String {
 }
 
 /// The layout as a file to import, written to the user's cache under a name of its own for what differs from the default.
-fn layout_file(rig: &Rig) -> std::io::Result<PathBuf> {
+fn layout_file(codec: &Codec) -> std::io::Result<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
     let cache = set("XDG_CACHE_HOME")
         .map(PathBuf::from)
         .or_else(|| Some(PathBuf::from(set("HOME")?).join(".cache")));
     let cache = cache.ok_or(std::io::ErrorKind::NotFound)?;
-    let layout = layout::layout(Some(rig));
+    let (layout, rig) = (layout::layout(Some(codec)), codec.rig());
     let name = match layout == layout::layout(None) {
         true => "layout.json".to_owned(),
         false => {
             let finest = rig.channels.last().copied().unwrap_or_default();
-            let rail = rig.rail.map_or("", |_| "rail-");
-            format!("layout-{rail}{finest}.json")
+            let of = match (rig.rail, rig.views.len()) {
+                (Some(_), _) => "rail-".to_owned(),
+                (None, 3) => String::new(),
+                (None, views) => format!("{views}-views-{}-", codec.reference()),
+            };
+            format!("layout-{of}{finest}.json")
         }
     };
     let path = cache.join("tricurve").join(name);
@@ -283,8 +284,8 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
     Ok(there)
 }
 
-fn checked(args: &Args, rig: &Rig, there: &There) -> Result<Outcome, Failure> {
-    let checked = layout::check(&layout::layout(Some(rig)), there).map_err(Failure::failed)?;
+fn checked(args: &Args, codec: &Codec, there: &There) -> Result<Outcome, Failure> {
+    let checked = layout::check(&layout::layout(Some(codec)), there).map_err(Failure::failed)?;
     let Checked {
         panels,
         references,

@@ -116,7 +116,7 @@ pub struct Entry {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Match {
     /// Labels of the three curves, left to right, on a rail the newest frame's first; [`NONE`](crate::NONE) of a view
-    /// that took no part.
+    /// that took no part. Of more than three views those of [`Rig::named`](crate::Rig::named).
     pub curves: [u32; 3],
     /// Index of its first point.
     pub first: u32,
@@ -146,7 +146,7 @@ pub struct MatchPoint {
     pub score: f32,
     /// Index of the point among the reference view's curve points of this channel.
     pub point: u32,
-    /// 0: seen in all three views; 1: filled in along the curve.
+    /// 0: seen in at least three views; 1: filled in along the curve.
     pub filled: u32,
 }
 

@@ -158,6 +158,12 @@ impl Codec {
         &self.rig
     }
 
+    /// Which of the three labels of a match is a curve of this view: of more than three views only three are named.
+    pub fn named(&self, view: usize) -> Option<usize> {
+        let named = self.rig.named(self.reference);
+        named.iter().position(|&named| named == view)
+    }
+
     /// Index of the view that disparities and points belong to.
     pub fn reference(&self) -> usize {
         self.reference

@@ -26,6 +26,8 @@ pub struct View {
     pub position_steps: f64,
 }
 
+const EXPECTED_VIEW: &str = "left, centre, right or a view's number, counted from 0";
+
 /// Which view results refer to: `"left"`, `"centre"`, `"right"`, or a view's number, counted from 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -70,9 +72,10 @@ impl std::str::FromStr for Reference {
             "left" => Ok(Self::Left),
             "centre" => Ok(Self::Centre),
             "right" => Ok(Self::Right),
-            other => other.parse().map(Self::View).map_err(|_| {
-                format!("the reference is left, centre, right or a view's number, counted from 0, not {other:?}")
-            }),
+            other => other
+                .parse()
+                .map(Self::View)
+                .map_err(|_| format!("{other:?} is no view, expected {EXPECTED_VIEW}")),
         }
     }
 }
@@ -89,9 +92,9 @@ impl<'de> Deserialize<'de> for Reference {
         match Said::deserialize(deserializer)? {
             Said::Number(view) => Ok(Self::View(view)),
             Said::Name(name) => name.parse().map_err(serde::de::Error::custom),
-            Said::Other(_) => Err(serde::de::Error::custom(
-                "the reference is left, centre, right or a view's number, counted from 0",
-            )),
+            Said::Other(_) => Err(serde::de::Error::custom(format!(
+                "this is no view, expected {EXPECTED_VIEW}"
+            ))),
         }
     }
 }
@@ -173,8 +176,8 @@ impl Rig {
         }
     }
 
-    /// The three views by which matches name curves, left to right: the reference view and the two next to it. On a rail
-    /// the names are those of frames, of which the newest comes first.
+    /// The three views whose curves matches name, left to right: the reference view and the two next to it. On a rail
+    /// they are frames, of which the newest comes first.
     pub fn named(&self, reference: usize) -> [usize; 3] {
         let first = reference.clamp(1, self.views.len().saturating_sub(2).max(1)) - 1;
         [first, first + 1, first + 2]

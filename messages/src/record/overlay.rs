@@ -36,10 +36,8 @@ impl Views {
             longest,
             labels,
         } = self;
-        let names_views = codec.rig.views.len() == 3 || codec.rig.rail.is_some();
-        let matches = matches.filter(|_| names_views);
         let found = matches.map_or(&[][..], |(matches, _)| matches.matches);
-        assign(curves, found, header.view, of_curve);
+        assign(curves, found, codec.named(header.view as usize), of_curve);
         let colour_at = |share: f32| opaque(colours.of(share));
         let match_of = |index: u32| {
             let (found, (_, span)) = (found.get(index as usize)?, matches?);
@@ -70,11 +68,12 @@ impl Views {
         }
         // Numbers and scores have seven letters at least: shorter curves need not be asked.
         let least = labels.width_of("0 0.000".len());
+        let own = codec.named(codec.reference).unwrap_or_default();
         let is_matched = |curve: usize| match_of(of_curve[curve]).is_some();
         longest_first(curves.curves, least, is_matched, longest);
         for &label in longest.iter() {
             if let Some((found, colour)) = match_of(of_curve[label as usize]) {
-                let text = format_args!("{} {:.3}", found.curves[codec.reference], found.score);
+                let text = format_args!("{} {:.3}", found.curves[own], found.score);
                 let curve = &curves.curves[label as usize];
                 labels.name(&mut sheet, curve, 1.0, text, colour);
             }
@@ -86,7 +85,8 @@ impl Views {
     /// their [`Reason`], with a legend that counts them; labels say number and reason where there is room, beside curves
     /// at least half as long, the longest first.
     ///
-    /// The matcher looks for the reference view's curves in the others: of theirs those are drawn that no match names.
+    /// The matcher looks for the reference view's curves in the others: of theirs those are drawn that no match names. Of
+    /// views by which matches do not name curves nothing can be said.
     pub fn rejected(
         &mut self,
         codec: &Codec,
@@ -112,9 +112,11 @@ impl Views {
                 }
             }
         } else {
-            assign(curves, matches.matches, header.view, of_curve);
+            let named = codec.named(header.view as usize);
+            assign(curves, matches.matches, named, of_curve);
             for slot in of_curve.iter_mut() {
-                *slot = if *slot == NONE { UNNAMED } else { NONE };
+                let is_unnamed = named.is_some() && *slot == NONE;
+                *slot = if is_unnamed { UNNAMED } else { NONE };
             }
         }
         let mut sheet = Sheet::new(header.capture_nanos, out);
@@ -142,12 +144,13 @@ impl Views {
     }
 }
 
-/// Finds of every curve of a view the index of the match that names it, or [`NONE`].
-fn assign(curves: CurvesView<'_>, found: &[Match], view: u32, of_curve: &mut Vec<u32>) {
+/// Finds of every curve of a view the index of the match that names it, or [`NONE`]; matches name the curves of three
+/// views, of which it is the one `named`.
+fn assign(curves: CurvesView<'_>, found: &[Match], named: Option<usize>, of_curve: &mut Vec<u32>) {
     of_curve.clear();
     of_curve.resize(curves.curves.len(), NONE);
     for (index, found) in (0..).zip(found) {
-        let label = found.curves.get(view as usize);
+        let label = named.and_then(|named| found.curves.get(named));
         if let Some(slot) = label.and_then(|&label| of_curve.get_mut(label as usize)) {
             *slot = index;
         }

@@ -14,6 +14,8 @@ pub enum Mode {
     Rail,
 }
 
+const EXPECTED_VIEWS: &str = "all, or numbers counted from 0 with commas between, as in 1,3,5";
+
 /// Which of a scene's views are taken: a list of numbers, which may be empty, or `"all"`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -34,9 +36,9 @@ impl std::str::FromStr for Views {
         }
         let numbers = text.split(',').map(|number| number.trim().parse());
         let numbers = numbers.collect::<Result<_, _>>();
-        numbers.map(Self::These).map_err(|_| {
-            format!("views are all, or numbers counted from 0 with commas between, as 1,3,5, not {text:?}")
-        })
+        numbers
+            .map(Self::These)
+            .map_err(|_| format!("{text:?} is no list of views, expected {EXPECTED_VIEWS}"))
     }
 }
 
@@ -54,9 +56,9 @@ impl<'de> Deserialize<'de> for Views {
             Said::These(views) => Ok(Self::These(views)),
             Said::One(view) => Ok(Self::These(vec![view])),
             Said::Text(text) => text.parse().map_err(serde::de::Error::custom),
-            Said::Other(_) => Err(serde::de::Error::custom(
-                "views are all, or a list of numbers counted from 0",
-            )),
+            Said::Other(_) => Err(serde::de::Error::custom(format!(
+                "this is no list of views, expected {EXPECTED_VIEWS}"
+            ))),
         }
     }
 }

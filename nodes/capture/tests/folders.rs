@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use capture::{Settings, Source, SourceError};
+use capture::{Settings, Source, SourceError, Views};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::pnm::{PnmEncoder, PnmSubtype, SampleEncoding};
 use image::{DynamicImage, ExtendedColorType, GrayImage, ImageBuffer, ImageEncoder, Luma, Rgb};
@@ -720,7 +720,7 @@ fn a_real_scene_opens_with_its_names_size_and_truth() {
     }
     let settings = Settings {
         source: art.to_str().unwrap().to_owned(),
-        views: vec![1, 3, 5],
+        views: Views::These(vec![1, 3, 5]),
         scans: Some(5),
         ..Settings::default()
     };

@@ -1,7 +1,7 @@
 //! What the rendered scenes promise: exact truth, views that agree, the same bytes every time.
 #![expect(clippy::unwrap_used, reason = "tests")]
 
-use capture::{Settings, Source, Truth};
+use capture::{Settings, Source, Truth, Views};
 use messages::{Image, Owned, Size};
 
 const OBJECTS: [&str; 3] = ["scene:tab", "scene:jack", "scene:screwdriver"];
@@ -193,7 +193,7 @@ fn scans_of_one_scene_differ_by_noise_alone() {
 fn twice_the_step_is_twice_the_disparity() {
     let mut narrow = open("scene:screwdriver", |_| ());
     let mut wide = open("scene:screwdriver", |settings| {
-        settings.views = vec![0, 2, 4]
+        settings.views = Views::These(vec![0, 2, 4])
     });
     let doubled: Vec<f32> = truth(&narrow, 0)
         .disparity
@@ -267,7 +267,7 @@ fn the_default_source_shows_the_three_objects_in_turn() {
 #[test]
 fn views_beyond_three_and_any_number_of_scans_can_be_asked_for() {
     let source = open("scene:jack", |settings| {
-        settings.views = vec![0, 1, 2, 3, 4];
+        settings.views = Views::These(vec![0, 1, 2, 3, 4]);
         settings.scans = Some(2000);
     });
     assert_eq!((source.view_count(), source.scans()), (5, 2000));

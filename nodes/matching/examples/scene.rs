@@ -176,7 +176,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             writeln!(
                 text,
                 "0,{},{},{},{},{},{},{},{}",
-                match_settings.reference as u8,
+                match_settings.reference.index(3),
                 channels[p.channel as usize],
                 p.curve,
                 p.u,

@@ -17,7 +17,6 @@ impl Matcher {
         range: Range,
         steps: Steps,
         has_coarser: bool,
-        further: &[f32],
     ) {
         let s = &self.settings;
         let reference = views[steps.reference].curves;
@@ -46,7 +45,7 @@ impl Matcher {
         };
         let lost = &mut self.lost;
         let rows = &self.rows[steps.reference];
-        match further.is_empty() {
+        match self.further.is_empty() {
             true => self.candidates.gather(
                 rows,
                 range,
@@ -58,8 +57,7 @@ impl Matcher {
                 },
             ),
             false => {
-                let mut sightings =
-                    Sightings::new(&self.rows, &steps, further, &self.further, size.width);
+                let mut sightings = Sightings::new(&self.rows, &steps, &self.further, size.width);
                 self.candidates.gather(
                     rows,
                     range,

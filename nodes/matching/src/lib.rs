@@ -68,13 +68,6 @@ impl Range {
     }
 }
 
-/// What the views say in one channel: those of the triple, left to right, and further ones.
-#[derive(Debug)]
-struct Seen<'a> {
-    triple: [ChannelView<'a>; 3],
-    further: Vec<ChannelView<'a>>,
-}
-
 /// The matcher, with its memory: it grows to the largest scan and is reused from then on.
 #[derive(Debug, Default)]
 pub struct Matcher {
@@ -82,8 +75,8 @@ pub struct Matcher {
     /// σ² of each channel.
     variances: Vec<f32>,
     rows: [Rows; 3],
-    /// Those of further views than three.
-    further: Vec<Rows>,
+    /// Those of further views than three, and by how many baselines each stands to the right of the reference view.
+    further: Vec<(f32, Rows)>,
     candidates: Candidates,
     along: Along,
     support: Support,
@@ -123,7 +116,8 @@ impl Matcher {
     /// right, a baseline apart; `matches` has a room for each channel.
     ///
     /// Matches name the curves of the reference view and of the two next to it. Where points along curves are matched in
-    /// three views, further ones bear witness too; the other methods look at those three only.
+    /// three views, further ones bear witness too; the other methods look at those three only. Of fewer than three views
+    /// nothing is written.
     pub fn process<'a>(
         &mut self,
         inputs: &[impl AsRef<[ChannelView<'a>]>],
@@ -140,22 +134,9 @@ impl Matcher {
         let reference = self.settings.reference.index(count).min(count - 1);
         let first = reference.clamp(1, count - 2) - 1;
         let triple = Triple::of_rig(reference - first);
-        let is_further = |view: &usize| !(first..first + 3).contains(view);
-        let further: Vec<usize> = (0..count).filter(is_further).collect();
-        let places = further.iter().map(|&view| view as f32 - first as f32);
-        let places: Vec<f32> = places.collect();
-        let channels = inputs.iter().map(|views| {
-            let views = views.as_ref();
-            Seen {
-                triple: std::array::from_fn(|view| views[first + view]),
-                further: further.iter().map(|&view| views[view]).collect(),
-            }
-        });
-        let channels: Vec<Seen<'_>> = channels.collect();
         self.process_all(
-            &triple,
-            &places,
-            &channels,
+            (&triple, first),
+            inputs,
             size,
             calibration,
             matches,
@@ -167,28 +148,19 @@ impl Matcher {
     /// Matches three views wherever they stand; the calibration's baseline is the unit of their places, and each channel
     /// has its views in their order.
     #[expect(clippy::too_many_arguments, reason = "where, what, and where to")]
-    pub fn process_triple<'a>(
+    pub fn process_triple(
         &mut self,
         triple: &Triple,
-        inputs: &[impl AsRef<[ChannelView<'a>]>],
+        inputs: &[[ChannelView<'_>; 3]],
         size: Size,
         calibration: &Calibration,
         matches: &mut [MatchesRoom<'_>],
         disparity: &mut DisparityRoom<'_>,
         points: &mut PointsRoom<'_>,
     ) {
-        let channels = inputs.iter().map(|views| {
-            let views = views.as_ref();
-            Seen {
-                triple: std::array::from_fn(|view| views[view]),
-                further: Vec::new(),
-            }
-        });
-        let channels: Vec<Seen<'_>> = channels.collect();
         self.process_all(
-            triple,
-            &[],
-            &channels,
+            (triple, 0),
+            inputs,
             size,
             calibration,
             matches,
@@ -198,11 +170,10 @@ impl Matcher {
     }
 
     #[expect(clippy::too_many_arguments, reason = "where, what, and where to")]
-    fn process_all(
+    fn process_all<'a>(
         &mut self,
-        triple: &Triple,
-        further: &[f32],
-        inputs: &[Seen<'_>],
+        triple: (&Triple, usize),
+        inputs: &[impl AsRef<[ChannelView<'a>]>],
         size: Size,
         calibration: &Calibration,
         matches: &mut [MatchesRoom<'_>],
@@ -217,7 +188,7 @@ impl Matcher {
                 .unwrap_or(size.width as f32 / 8.0),
         };
         for (channel, (views, room)) in inputs.iter().zip(matches.iter_mut()).enumerate() {
-            self.match_channel(triple, further, views, size, range, channel, room);
+            self.match_channel(triple, views.as_ref(), size, range, channel, room);
         }
         let fill_in = self
             .settings
@@ -225,7 +196,7 @@ impl Matcher {
             .then_some(self.settings.fill_in_radius);
         self.fuse.fuse(
             matches,
-            triple.reference,
+            triple.0.reference,
             size,
             calibration,
             fill_in,
@@ -234,20 +205,17 @@ impl Matcher {
         );
     }
 
-    #[expect(clippy::too_many_arguments, reason = "where, what, and where to")]
+    /// Matches a channel: `first` is the triple's first view, and those beside it are further ones, a baseline apart.
     fn match_channel(
         &mut self,
-        triple: &Triple,
-        further: &[f32],
-        Seen {
-            triple: views,
-            further: others,
-        }: &Seen<'_>,
+        (triple, first): (&Triple, usize),
+        all: &[ChannelView<'_>],
         size: Size,
         range: Range,
         channel: usize,
         room: &mut MatchesRoom<'_>,
     ) {
+        let views: &[ChannelView<'_>; 3] = &std::array::from_fn(|view| all[first + view]);
         let steps = Steps::of(triple, self.settings.method == Method::ThreeView);
         let reference = views[steps.reference].curves;
         room.clear();
@@ -257,13 +225,14 @@ impl Matcher {
             rows.fill(view, size.width, triple.drift * to_the_right);
         }
         let own = triple.places[triple.reference];
-        let further: Vec<f32> = match steps.third && self.settings.assignment == Assignment::Point {
-            true => further.iter().map(|place| place - own).collect(),
-            false => Vec::new(),
-        };
-        self.further.resize_with(further.len(), Rows::default);
-        for ((rows, view), to) in self.further.iter_mut().zip(others).zip(&further) {
-            rows.fill(view, size.width, triple.drift * to);
+        let by_point = steps.third && self.settings.assignment == Assignment::Point;
+        let others = if by_point { all.len() - 3 } else { 0 };
+        self.further.resize_with(others, || (0.0, Rows::default()));
+        let is_further = |(view, _): &(usize, &ChannelView<'_>)| !(first..first + 3).contains(view);
+        let seen = all.iter().enumerate().filter(is_further);
+        for ((to, rows), (view, seen)) in self.further.iter_mut().zip(seen) {
+            *to = view as f32 - first as f32 - own;
+            rows.fill(seen, size.width, triple.drift * *to);
         }
         self.choices.clear();
         self.choices.resize(reference.points.len(), Choice::NOTHING);
@@ -276,9 +245,7 @@ impl Matcher {
         let width = (8.0 * variance).sqrt();
         match (self.settings.method, self.settings.assignment) {
             (Method::Point, _) => self.match_points(views, size, range, steps, width, channel > 0),
-            (_, Assignment::Point) => {
-                self.assign_points(views, size, range, steps, channel > 0, &further)
-            }
+            (_, Assignment::Point) => self.assign_points(views, size, range, steps, channel > 0),
             (_, Assignment::Curve) => {
                 self.assign_curves(views, size, range, steps, width, channel > 0)
             }

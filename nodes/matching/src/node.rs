@@ -140,11 +140,15 @@ fn match_views(
         let (mut disparity, mut points) = (disparity.room()?, points.room()?);
         let size = cause.size();
         let calibration = rig.calibration(size);
+        let triples = inputs
+            .iter()
+            .filter_map(|views| <[_; 3]>::try_from(&views[..]).ok());
+        let triples: Vec<[ChannelView<'_>; 3]> = triples.collect();
         let out = (&mut rooms[..], &mut disparity, &mut points);
         match found {
             Found::Scan(_) => matcher.process(&inputs, size, &calibration, out.0, out.1, out.2),
             Found::Frames(triple, _) => {
-                matcher.process_triple(triple, &inputs, size, &calibration, out.0, out.1, out.2)
+                matcher.process_triple(triple, &triples, size, &calibration, out.0, out.1, out.2)
             }
             Found::Nothing => disparity.disparity.grow(size.pixels()).fill(f32::NAN),
         }

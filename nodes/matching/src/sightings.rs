@@ -90,13 +90,12 @@ pub(crate) struct Sightings<'a> {
 }
 
 impl<'a> Sightings<'a> {
-    /// In the three views of the steps and in further ones, which stand so many baselines to the right of the reference
-    /// view.
+    /// In the three views of the steps and in further ones, with how many baselines each stands to the right of the
+    /// reference view.
     pub(crate) fn new(
         triple: &'a [Rows; 3],
         steps: &Steps,
-        places: &[f32],
-        further: &'a [Rows],
+        further: &'a [(f32, Rows)],
         width: u32,
     ) -> Self {
         let look = |rows, to, slot| Look { rows, to, slot };
@@ -104,12 +103,7 @@ impl<'a> Sightings<'a> {
             look(&triple[steps.near], steps.to_near, Some(0)),
             look(&triple[steps.far], steps.to_far, Some(1)),
         ];
-        looks.extend(
-            further
-                .iter()
-                .zip(places)
-                .map(|(rows, &to)| look(rows, to, None)),
-        );
+        looks.extend(further.iter().map(|(to, rows)| look(rows, *to, None)));
         looks.sort_by(|a, b| a.to.abs().total_cmp(&b.to.abs()));
         let is_next = |look: &Look<'_>| look.to.abs() < 1.01 * looks[0].to.abs();
         let orders = (0..looks.len()).filter(|&own| is_next(&looks[own]));

@@ -132,7 +132,7 @@ impl Scene {
         }
         scan.push((head(NONE, NONE), points.view().into()));
 
-        let reference = settings.reference as usize;
+        let reference = settings.reference.index(3);
         let codec = Codec::new(rig.clone(), reference);
         let channels = codec.channels(Shown::default());
         let mut recorder = Recorder {

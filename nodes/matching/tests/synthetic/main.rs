@@ -1,6 +1,7 @@
 //! Scenes of shifted curves whose disparities are known exactly.
 #![expect(clippy::unwrap_used, reason = "tests")]
 
+mod further;
 mod reasons;
 mod scene;
 

@@ -13,9 +13,9 @@ pub(crate) struct View {
     pub(crate) points: Vec<Edge>,
 }
 
-/// Three views.
+/// Views at equal steps, left to right.
 pub(crate) struct Scene {
-    pub(crate) views: [View; 3],
+    pub(crate) views: Vec<View>,
     /// Whether the tables have an index of rows.
     pub(crate) rows: bool,
 }
@@ -58,10 +58,7 @@ pub(crate) fn wavy(x: f32, row: usize, rows: usize, seed: u32) -> Vec<Edge> {
 
 impl Default for Scene {
     fn default() -> Self {
-        Self {
-            views: Default::default(),
-            rows: true,
-        }
+        Self::of_views(3)
     }
 }
 
@@ -84,7 +81,14 @@ impl View {
 }
 
 impl Scene {
-    /// Adds a curve to all three views, moved by the disparity of each row.
+    pub(crate) fn of_views(count: usize) -> Self {
+        Self {
+            views: std::iter::repeat_with(View::default).take(count).collect(),
+            rows: true,
+        }
+    }
+
+    /// Adds a curve to all views, moved by the disparity of each row.
     pub(crate) fn add(&mut self, points: &[Edge], disparity: impl Fn(f32) -> f32) {
         for (steps, view) in self.views.iter_mut().enumerate() {
             let moved = |e: &Edge| Edge {
@@ -120,13 +124,14 @@ impl Scene {
 
 pub(crate) fn run_channels(channels: &[&Scene], matcher: &mut Matcher, size: Size) -> Found {
     let messages: Vec<_> = channels.iter().map(|scene| scene.messages(size)).collect();
-    let views: Vec<[ChannelView<'_>; 3]> = messages
+    let views: Vec<Vec<ChannelView<'_>>> = messages
         .iter()
         .map(|views| {
-            [0, 1, 2].map(|v| ChannelView {
-                curves: views[v].0.view(),
-                tables: views[v].1.view(),
-            })
+            let seen = views.iter().map(|(curves, tables)| ChannelView {
+                curves: curves.view(),
+                tables: tables.view(),
+            });
+            seen.collect()
         })
         .collect();
     let mut words: Vec<Vec<u64>> = channels
