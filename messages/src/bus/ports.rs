@@ -299,10 +299,14 @@ impl Bell {
     }
 }
 
+/// What is shorter is not waited for at all.
+const LEAST_WAIT: Duration = Duration::from_micros(10);
+
 /// Waits until the inbox is rung or the time is over, and empties it.
 pub(super) fn wait(inbox: &Listener<ipc::Service>, timeout: Duration) -> Result<(), BusError> {
     use iceoryx2::port::listener::ListenerWaitError;
-    let heard = match timeout.is_zero() {
+    // The socket below counts whole microseconds, and none at all is for ever to it.
+    let heard = match timeout < LEAST_WAIT {
         true => inbox.try_wait(|_| {}),
         false => inbox.timed_wait(|_| {}, timeout),
     };
@@ -409,6 +413,39 @@ impl Reports {
         }
         if let Ok(loan) = self.publisher.loan_slice_uninit(text.len()) {
             loan.write_from_slice(&text).send().unwrap_or_default();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
+    use super::*;
+    use crate::{Delivery, Rig, Size};
+
+    #[test]
+    fn a_wait_ends_however_short_it_is() {
+        let (say, heard) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            let folder = tempfile::tempdir().unwrap();
+            let run = Run {
+                root: folder.path().to_owned(),
+                prefix: format!("tricurve_test_{:x}-", std::process::id()),
+                rig: Rig::of_views(3, &[1.0], Size::new(64, 48)),
+                delivery: Delivery::Live,
+                cameras: false,
+                in_flight: 1,
+                nodes: Vec::new(),
+            };
+            let inbox = Ports::new(&run, "node").unwrap().inbox("node").unwrap();
+            for nanos in [0, 1, 999, 1_000, 9_999, 10_000, 1_000_000] {
+                wait(&inbox, Duration::from_nanos(nanos)).unwrap();
+                say.send(nanos).unwrap();
+            }
+        });
+        let long = Duration::from_secs(20);
+        for nanos in [0, 1, 999, 1_000, 9_999, 10_000, 1_000_000] {
+            assert_eq!(heard.recv_timeout(long), Ok(nanos));
         }
     }
 }
