@@ -6,7 +6,8 @@
 //! ```
 //!
 //! The program needs the crate `messages` only. What it writes lies in shared memory already; capture puts frames of the
-//! three views together by their times.
+//! three views together by their times. A run with `--set capture.mode=rail --set capture.baseline=0.01` gets the frames of
+//! one camera that moves, each with the place where it was taken.
 
 use std::error::Error;
 use std::path::Path;
@@ -20,12 +21,16 @@ const DISPARITY: usize = 6;
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1);
     let folder = folder.ok_or("expected the folder that the run says it waits in")?;
+    let folder = Path::new(&folder);
+    if let Ok(camera) = FramesOut::join(folder, "moving") {
+        return along_a_rail(folder, camera);
+    }
     let mut cameras = Vec::new();
     for view in ["left", "centre", "right"] {
-        cameras.push(FramesOut::join(Path::new(&folder), view)?);
+        cameras.push(FramesOut::join(folder, view)?);
     }
     // Until the run is over and its folder gone.
-    while Path::new(&folder).exists() {
+    while folder.exists() {
         let nanos = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
         for (view, camera) in cameras.iter_mut().enumerate() {
             let width = camera.size().width as usize;
@@ -35,6 +40,21 @@ fn main() -> Result<(), Box<dyn Error>> {
                 }
             })?;
         }
+        std::thread::sleep(Duration::from_millis(33));
+    }
+    Ok(())
+}
+
+/// Ten millimetres to the right from frame to frame.
+fn along_a_rail(folder: &Path, mut camera: FramesOut) -> Result<(), Box<dyn Error>> {
+    let width = camera.size().width as usize;
+    for frame in (0..).take_while(|_| folder.exists()) {
+        let nanos = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
+        camera.send_at(nanos, 0.01 * frame as f64, |pixels| {
+            for (index, pixel) in pixels.iter_mut().enumerate() {
+                *pixel = texture(index % width + DISPARITY * frame, index / width);
+            }
+        })?;
         std::thread::sleep(Duration::from_millis(33));
     }
     Ok(())

@@ -342,8 +342,8 @@ fn has_key(topic: &Topic, path: &str) -> bool {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use messages::Size;
     use messages::record::Shown;
+    use messages::{Rig, Size};
 
     /// What a default run has, as far as schemas tell.
     fn default_run() -> There {

@@ -9,6 +9,8 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 use harness::{Ran, World, bytes_of, signal, wait_until};
+use messages::recording::Recording;
+use messages::{Kind, Points, Topic};
 use serde_json::Value;
 
 /// The example, which is built with the tests.
@@ -128,6 +130,61 @@ fn a_killed_capture_loses_no_scan_that_was_let_in_and_counts_those_that_went_by(
 }
 
 #[test]
+fn a_camera_that_moves_is_matched_while_it_does_and_killed_nodes_change_nothing() {
+    let world = World::new();
+    let rail = [
+        "--set",
+        "capture.mode=rail",
+        "--set",
+        "capture.baseline=0.01",
+        "--scans",
+        "60",
+    ];
+    let run = world.start(&[&BUS[..], &rail].concat());
+    let mut publisher = publisher(&folder(&world));
+    wait_until("scans are recorded", || {
+        bytes_of(&world.path("x.mcap")) > 1_000_000
+    });
+    for killed in ["capture", "match", "map"] {
+        let so_far = bytes_of(&world.path("x.mcap"));
+        let node = |(name, _): &(String, u32)| name == killed;
+        if let Some((_, pid)) = world.nodes().into_iter().find(node) {
+            signal(pid, "KILL");
+        }
+        wait_until("scans are recorded again", || {
+            bytes_of(&world.path("x.mcap")) > so_far + 200_000 || world.nodes().is_empty()
+        });
+    }
+    let ran = Ran::new(run.wait_with_output().unwrap()).done();
+    assert!(publisher.wait().unwrap().success());
+    let summary = ran.json();
+    assert_eq!(summary["balanced"], true, "{summary}");
+    let mut recording = Recording::open(&world.path("x.mcap")).unwrap();
+    let topics = Topic::of(&recording.metadata().rig, Kind::Points);
+    // Three frames are three frames, however many of those between were dropped: half of 6 px a centimetre is the least.
+    let (mut points, mut last) = (0, f64::NEG_INFINITY);
+    for scan in recording.scans().collect::<Vec<_>>() {
+        let read = recording.read::<Points>(scan, &topics[0]).unwrap();
+        let disparities = read.view().points.iter().map(|point| point.disparity);
+        assert!(
+            disparities.clone().all(|d| (d - 6.0).abs() < 0.2),
+            "scan {scan}"
+        );
+        points += disparities.count();
+        assert!(
+            read.header.position_m > last,
+            "scan {scan} at {}",
+            read.header.position_m
+        );
+        last = read.header.position_m;
+    }
+    assert!(points > 1000, "{points}");
+    let verify = ["replay", "x.mcap", "--from", "match", "--verify", "--json"];
+    let verified = world.run(&verify).done().json();
+    assert_eq!(verified["verified"]["equal"], true, "{verified}");
+}
+
+#[test]
 fn cameras_without_what_they_need_are_refused_with_a_sentence() {
     let world = World::new();
     for (arguments, words) in [
@@ -158,6 +215,26 @@ fn cameras_without_what_they_need_are_refused_with_a_sentence() {
             "--features v4l",
         ),
         (&["run", "--source", "camera:gstreamer"], "capture.cameras"),
+        (
+            &[&BUS[..], &["--set", "capture.mode=rail"]].concat(),
+            "set capture.baseline",
+        ),
+        (
+            &[&BUS[..], &["--set", "capture.cameras=['a','b']"]].concat(),
+            "at least three views",
+        ),
+        (
+            &[
+                "run",
+                "--source",
+                "camera:gstreamer",
+                "--set",
+                "capture.mode=rail",
+                "--set",
+                "capture.cameras=['a']",
+            ],
+            "set capture.speed",
+        ),
         (&["evaluate", "camera:bus"], "cameras send each frame once"),
         (&["run", "--source", "camera:bsu"], "camera:bus"),
     ] {

@@ -215,6 +215,12 @@ fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {
         });
     }
     let count = source.view_count();
+    if count < 3 {
+        let text = format!(
+            "at least three views are matched, not {count}; of one camera that moves: --set capture.mode=rail"
+        );
+        return Err(Failure::usage(text));
+    }
     let reference = graph.reference(count);
     if reference >= count {
         let text = format!(
@@ -254,6 +260,8 @@ pub(super) fn recording(graph: &mut Graph) -> Result<Option<PathBuf>, Failure> {
         record::WriteError::Exists(_) => Failure::usage(error),
         error => Failure::failed(error),
     })?;
+    let leave_free = settings.get("leave_free").and_then(Value::as_u64);
+    record::Writer::check_free(&path, leave_free.unwrap_or_default()).map_err(Failure::failed)?;
     graph.fill_in("record", "file", path.to_string_lossy().as_ref());
     Ok(Some(path))
 }

@@ -727,6 +727,16 @@ impl Bus {
             .or_default() += 1;
     }
 
+    /// Counts a scan with which this node did not do what it is there for, and why.
+    pub fn left_out(&self, cause: &str) {
+        let mut book = self.book.borrow_mut();
+        *book
+            .tally("scans")
+            .dropped
+            .entry(cause.to_owned())
+            .or_default() += 1;
+    }
+
     /// Says something to the user: error = data lost, warn = degraded, info = rare and for the user.
     pub fn log(&self, level: Level, text: impl Into<String>) {
         self.tell(&Event::Log(Log {

@@ -72,8 +72,22 @@ impl FramesOut {
     /// # Errors
     /// When it cannot be sent.
     pub fn send(&mut self, nanos: u64, fill: impl FnOnce(&mut [u8])) -> Result<(), BusError> {
+        self.send_at(nanos, f64::NAN, fill)
+    }
+
+    /// Publishes a frame of a camera that moves along a rail, taken so many metres along it, to the right.
+    ///
+    /// # Errors
+    /// When it cannot be sent.
+    pub fn send_at(
+        &mut self,
+        nanos: u64,
+        position_m: f64,
+        fill: impl FnOnce(&mut [u8]),
+    ) -> Result<(), BusError> {
         let header = Header {
             view: self.view,
+            position_m,
             ..Header::new(self.sent, nanos, self.size)
         };
         frame(&self.publisher, &header, fill)?;

@@ -258,9 +258,22 @@ pub enum SourceError {
 
     /// A live camera along a rail.
     #[error(
-        "a live camera cannot be matched along a rail: nobody says where it takes its frames; write them into a folder, and where they were taken into capture.positions"
+        "nobody says where along the rail a live camera takes its frames: set capture.speed, in metres a second, or publish positions with them (camera:bus, FramesOut::send_at)"
     )]
-    LiveRail,
+    NoPositions,
+
+    /// A rail with a camera of which nobody says how far it moves.
+    #[error(
+        "how far a live camera moves from frame to frame must be known beforehand, in metres: set capture.baseline"
+    )]
+    NoStep,
+
+    /// Several cameras along a rail.
+    #[error("along a rail one camera moves, and capture.cameras names {count}")]
+    OneCamera {
+        /// How many.
+        count: usize,
+    },
 
     /// Several scenes where a camera passes one.
     #[error("a rail passes one scene, and {scene} is {count}; choose one of them")]
@@ -366,7 +379,9 @@ impl SourceError {
                 | Self::UnequalSteps { .. }
                 | Self::Stride { .. }
                 | Self::OneScene { .. }
-                | Self::LiveRail
+                | Self::NoPositions
+                | Self::NoStep
+                | Self::OneCamera { .. }
                 | Self::UnknownWay { .. }
                 | Self::NeedsFeature { .. }
                 | Self::NoCameras { .. }

@@ -25,6 +25,7 @@ mod middlebury;
 mod motion;
 #[cfg(feature = "node")]
 pub mod node;
+mod pace;
 mod positions;
 mod rail;
 mod rectify;

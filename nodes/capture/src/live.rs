@@ -18,10 +18,10 @@ mod v4l;
 
 use std::time::{Duration, Instant};
 
-use messages::{Rig, Size};
+use messages::{Rail, Rig, Size};
 
 use crate::error::{LEAST_SIDE, MOST_PIXELS, SourceError};
-use crate::settings::Settings;
+use crate::settings::{Mode, Settings};
 use feed::{Camera, Next, Open};
 
 /// How long a camera may take to send its first frame.
@@ -63,7 +63,50 @@ pub(crate) struct Known {
     pub(crate) size: Size,
     /// The views, left to right, and what each is seen by.
     pub(crate) views: Vec<(String, String)>,
+    /// Where it is one that moves.
+    pub(crate) rail: Option<LiveRail>,
     pub(crate) notices: Vec<String>,
+}
+
+/// A camera that moves along a rail while it is matched: nothing can be looked at beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LiveRail {
+    pub(crate) rail: Rail,
+    /// From frame to frame, in metres.
+    pub(crate) step_m: f64,
+}
+
+impl LiveRail {
+    fn new(
+        way: Way,
+        settings: &Settings,
+        notices: &mut Vec<String>,
+    ) -> Result<Option<Self>, SourceError> {
+        if settings.mode != Mode::Rail {
+            return Ok(None);
+        }
+        if way != Way::Bus && settings.speed.is_none() {
+            return Err(SourceError::NoPositions);
+        }
+        let by_speed = settings.speed.map(|speed| speed.abs() / settings.rate);
+        let step_m = settings.baseline.or(by_speed).filter(|step| *step > 0.0);
+        let step_m = step_m.ok_or(SourceError::NoStep)?;
+        if settings.baseline.is_none() {
+            notices.push(format!(
+                "at this speed and rate the camera moves {step_m} m from frame to frame; set baseline"
+            ));
+        }
+        let stride = settings.stride.unwrap_or(1);
+        if settings.stride.is_none() {
+            notices.push("frames that follow each other are matched; set stride".to_owned());
+        }
+        let rail = Rail {
+            stride,
+            drift_px: settings.drift.unwrap_or_default(),
+            follow: 0,
+        };
+        Ok(Some(Self { rail, step_m }))
+    }
 }
 
 /// Opens every camera for its first frame, and closes it.
@@ -72,7 +115,12 @@ pub(crate) fn look(way: Way, settings: &Settings) -> Result<Known, SourceError> 
         return Err(SourceError::NoTruth);
     }
     let cameras = cameras_of(way, settings)?;
-    let rig = Rig::of_views(cameras.len(), &[], Size::default());
+    let mut notices = Vec::new();
+    let rail = LiveRail::new(way, settings, &mut notices)?;
+    let rig = match rail {
+        Some(live) => Rig::of_rail(live.rail, &[], Size::default()),
+        None => Rig::of_views(cameras.len(), &[], Size::default()),
+    };
     let names = rig.views.into_iter().map(|view| view.name);
     let views: Vec<(String, String)> = names.zip(cameras).collect();
     if way == Way::Bus {
@@ -83,10 +131,10 @@ pub(crate) fn look(way: Way, settings: &Settings) -> Result<Known, SourceError> 
         return Ok(Known {
             size,
             views,
-            notices: Vec::new(),
+            rail,
+            notices,
         });
     }
-    let mut notices = Vec::new();
     let mut first: Option<(Size, &str)> = None;
     for (name, camera) in &views {
         let wrong = |why: String| SourceError::Camera {
@@ -113,6 +161,7 @@ pub(crate) fn look(way: Way, settings: &Settings) -> Result<Known, SourceError> 
     Ok(Known {
         size,
         views,
+        rail,
         notices,
     })
 }
@@ -120,8 +169,16 @@ pub(crate) fn look(way: Way, settings: &Settings) -> Result<Known, SourceError> 
 /// What each view is seen by, left to right.
 fn cameras_of(way: Way, settings: &Settings) -> Result<Vec<String>, SourceError> {
     let cameras = settings.cameras.clone();
+    let is_rail = settings.mode == Mode::Rail;
+    if is_rail && cameras.len() > 1 {
+        let count = cameras.len();
+        return Err(SourceError::OneCamera { count });
+    }
     match (way, cameras.is_empty()) {
-        (Way::Bus, true) => Ok(vec!["another program".to_owned(); 3]),
+        (Way::Bus, true) => {
+            let count = if is_rail { 1 } else { 3 };
+            Ok(vec!["another program".to_owned(); count])
+        }
         (Way::GStreamer | Way::V4l, true) => Err(SourceError::NoCameras {
             source_name: settings.source.clone(),
             each: match way {

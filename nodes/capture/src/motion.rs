@@ -8,8 +8,8 @@ use messages::Size;
 
 /// Pixels a block measures.
 const BLOCK: usize = 20;
-/// Pixels from one block to the next.
-const SPACING: usize = 28;
+/// Pixels from one block to the next, where all of a picture is looked at.
+pub(crate) const SPACING: usize = 28;
 /// Rows up and down in which a block is looked for.
 const ROWS: i32 = 4;
 /// Least mean gradient of a block along and across, in gray levels a pixel.
@@ -98,20 +98,28 @@ impl Picture<'_> {
 /// Where a block went.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Moved {
+    /// Which block: column and row of its corner.
+    pub(crate) block: (usize, usize),
     /// Columns to the right.
     pub(crate) right: f32,
     /// Rows down.
     pub(crate) down: f32,
 }
 
-/// Where the blocks of a picture went in another one of the same size, at most `most` columns to either side.
-pub(crate) fn moved(from: &Picture<'_>, to: &Picture<'_>, most: usize) -> Vec<Moved> {
+/// Where the blocks of a picture, one every `spacing` pixels, went in another one of the same size, at most `most` columns to
+/// either side.
+pub(crate) fn moved(
+    from: &Picture<'_>,
+    to: &Picture<'_>,
+    most: usize,
+    spacing: usize,
+) -> Vec<Moved> {
     let (width, height) = (from.size.width as usize, from.size.height as usize);
     let mut all = Vec::new();
     let mut costs = Vec::new();
     let rows = ROWS as usize;
-    for y in (rows..height.saturating_sub(BLOCK + rows + 1)).step_by(SPACING) {
-        for x in (1..width.saturating_sub(BLOCK + 1)).step_by(SPACING) {
+    for y in (rows..height.saturating_sub(BLOCK + rows + 1)).step_by(spacing) {
+        for x in (1..width.saturating_sub(BLOCK + 1)).step_by(spacing) {
             if from
                 .texture(x, y)
                 .into_iter()
@@ -134,6 +142,7 @@ pub(crate) fn moved(from: &Picture<'_>, to: &Picture<'_>, most: usize) -> Vec<Mo
             let (to_x, to_y) = (least + column, y - rows + row);
             let [along, across] = from.rest(x, y, to, to_x, to_y);
             all.push(Moved {
+                block: (x, y),
                 right: to_x as f32 + along - x as f32,
                 down: to_y as f32 + across - y as f32,
             });
@@ -208,7 +217,7 @@ mod tests {
     fn medians(right: f32, down: f32) -> [f32; 2] {
         let (before, after) = (texture(0.0, 0.0), texture(right, down));
         let picture = |pixels| Picture { size: SIZE, pixels };
-        let moved = moved(&picture(&before), &picture(&after), 30);
+        let moved = moved(&picture(&before), &picture(&after), 30, SPACING);
         assert!(moved.len() > 10, "{}", moved.len());
         let middle = |of: fn(&Moved) -> f32| quantile(moved.iter().map(of).collect(), 0.5).unwrap();
         [middle(|m| m.right), middle(|m| m.down)]
@@ -232,6 +241,6 @@ mod tests {
             size: SIZE,
             pixels: &flat,
         };
-        assert_eq!(moved(&picture, &picture, 30), []);
+        assert_eq!(moved(&picture, &picture, 30, SPACING), []);
     }
 }

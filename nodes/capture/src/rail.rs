@@ -5,7 +5,8 @@ use std::path::Path;
 use messages::{Calibration, Size};
 
 use crate::error::SourceError;
-use crate::motion::{Picture, moved, quantile};
+use crate::motion::{Picture, SPACING, moved, quantile};
+use crate::pace;
 use crate::positions;
 use crate::settings::Settings;
 
@@ -75,6 +76,16 @@ impl Rail {
             (path.positions, in_metres) = (read.values, read.in_metres);
         }
         let (camera, mut warnings) = camera(in_metres)?;
+        let is_guessed = settings.positions.is_none() && !path.is_described;
+        let estimated = match is_guessed {
+            true => pace::estimated(path.order.len(), size, |frame| pixels(path.order[frame]))?,
+            false => None,
+        };
+        if let Some(estimated) = &estimated
+            && !estimated.are_equal()
+        {
+            path.positions.clone_from(&estimated.places);
+        }
         let nominal = nominal_step(&path.positions).ok_or(SourceError::NoMotion {
             frames: path.order.len(),
         })?;
@@ -95,7 +106,6 @@ impl Rail {
         let mut look = |apart: usize| -> Result<Option<Survey>, SourceError> {
             survey(&path, apart, size, &mut pixels)
         };
-        let is_guessed = settings.positions.is_none() && !path.is_described;
         let near = match settings.stride {
             Some(_) if !is_guessed => None,
             _ => look(1)?,
@@ -148,8 +158,20 @@ impl Rail {
                 seen = seen.map(|(least, most)| (-most, -least));
             }
             let way = if is_to_the_left { "left" } else { "right" };
+            let steps = match &estimated {
+                Some(estimated) if estimated.are_equal() => {
+                    format!("the images show equal steps to the {way}")
+                }
+                Some(estimated) => {
+                    let (least, most) = estimated.steps();
+                    format!(
+                        "estimated from the images, steps to the {way} are {least:.2} to {most:.2} of the usual one"
+                    )
+                }
+                None => format!("equal steps to the {way} are assumed"),
+            };
             notices.push(format!(
-                "where the frames were taken is not known: equal steps to the {way} are assumed; set positions"
+                "where the frames were taken is not said: {steps}; set positions"
             ));
         }
         Ok(Self {
@@ -215,7 +237,7 @@ fn survey(
         let pair = [pixels(path.order[at])?, pixels(path.order[at + apart])?];
         let picture = |pixels| Picture { size, pixels };
         let reach = (size.width as usize / 6).max(8);
-        for found in moved(&picture(&pair[0]), &picture(&pair[1]), reach) {
+        for found in moved(&picture(&pair[0]), &picture(&pair[1]), reach, SPACING) {
             disparities.push(-found.right / step);
             drifts.push(found.down / step);
         }

@@ -85,8 +85,12 @@ messages::settings! {
         /// Rail: rows by which the picture lies lower a baseline further to the right, which is made good; by default it
         /// is measured.
         pub drift: Option<f64> = None, in -16.0..=16.0;
+        /// Rail: how fast a camera moves along it, in metres a second, to the right, where frames come with a time and not
+        /// with a position.
+        pub speed: Option<f64> = None, in -1000.0..=1000.0;
         /// What each view is seen by, left to right, where the source is cameras: for `camera:gstreamer` a pipeline
-        /// each, for `camera:v4l` a device each; for `camera:bus` any text, and without it there are three views.
+        /// each, for `camera:v4l` a device each; for `camera:bus` any text, and without it there are three views. Along a
+        /// rail there is one.
         pub cameras: Vec<String> = Vec::new();
         /// How far in time, in milliseconds, a camera's frame may be from the reference camera's to be of its scan. Half
         /// the interval of 30 Hz: cameras that run freely at this rate always have a frame so near.

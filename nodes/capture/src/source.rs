@@ -157,14 +157,19 @@ impl Source {
 
     #[cfg(feature = "node")]
     fn cameras(known: live::Known, settings: &Settings) -> Result<Self, SourceError> {
-        if settings.mode == Mode::Rail {
-            return Err(SourceError::LiveRail);
-        }
         Rectifier::refuse(
             settings,
             "frames of cameras are not rectified while they come; give their camera_info and rectified frames",
         )?;
-        let (calibration, warnings) = calibration(settings, Known::default(), &[known.size])?;
+        let own = match known.rail {
+            // What the settings say is from frame to frame, and wanted from one member of a triple to the next.
+            Some(live) => Settings {
+                baseline: Some(live.step_m * live.rail.stride as f64),
+                ..settings.clone()
+            },
+            None => settings.clone(),
+        };
+        let (calibration, warnings) = calibration(&own, Known::default(), &[known.size])?;
         Ok(Self {
             scans: settings.scans.unwrap_or(u64::MAX),
             calibration,
@@ -250,7 +255,11 @@ impl Source {
 
     /// The rail, when it is one camera that moves.
     pub fn rail(&self) -> Option<messages::Rail> {
-        Some(self.rail.as_ref()?.rail)
+        match &self.kind {
+            #[cfg(feature = "node")]
+            Kind::Cameras(known) => known.rail.map(|live| live.rail),
+            _ => self.rail.as_ref().map(|rail| rail.rail),
+        }
     }
 
     /// Where the camera of a rail stood when it took a frame, in metres.

@@ -54,7 +54,7 @@ impl Folder {
 
     fn open_views(&self, views: &[u32]) -> Result<Source, SourceError> {
         Source::open(&Settings {
-            views: views.to_vec(),
+            views: Views::These(views.to_vec()),
             ..self.settings()
         })
     }

@@ -297,7 +297,7 @@ fn views_that_make_no_triple_are_refused() {
     let sentence = |views: &[u32]| {
         let settings = Settings {
             source: "scene:tab".to_owned(),
-            views: views.to_vec(),
+            views: Views::These(views.to_vec()),
             ..Settings::default()
         };
         Source::open(&settings).unwrap_err().to_string()

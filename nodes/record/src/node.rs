@@ -186,6 +186,8 @@ struct Recorder {
     last: Option<(u64, u64)>,
     /// What the nodes said since the last scan.
     log: Vec<Log>,
+    /// Whether recording has stopped, because the disk has no more room.
+    has_stopped: bool,
     /// How many changes of settings are in the recording.
     noted: usize,
     ledger: Ledger,
@@ -206,6 +208,7 @@ impl Recorder {
             spare: Vec::new(),
             under_way: BTreeMap::new(),
             log: Vec::new(),
+            has_stopped: false,
             noted: 0,
             ledger: Ledger::default(),
             health: Doctor::default(),
@@ -221,6 +224,9 @@ impl Recorder {
         }
         if self.under_way.contains_key(&scan.sequence) {
             return Ok(());
+        }
+        if self.has_stopped {
+            return self.leave_out(bus, scan.sequence);
         }
         let began = Instant::now();
         let views = scan.views()?;
@@ -264,7 +270,7 @@ impl Recorder {
     /// Hands to the writer what was said since the last scan and how the run's ledger came out, and finishes the
     /// recording.
     fn finish(mut self, bus: &Bus, ledger: Option<&Ledger>) -> Result<Written, WriteError> {
-        if let Some((sequence, nanos)) = self.last {
+        if let Some((sequence, nanos)) = self.last.filter(|_| !self.has_stopped) {
             let mut batch = self.spare.pop().unwrap_or_default();
             batch.close(sequence, nanos);
             self.write_log(&mut batch);
@@ -287,6 +293,13 @@ impl Recorder {
         }
     }
 
+    /// Lets a scan go that is not recorded.
+    fn leave_out(&mut self, bus: &Bus, sequence: u64) -> Result<(), BusError> {
+        bus.left_out("the disk has no more room");
+        self.flushed.insert(sequence);
+        self.done.done(sequence)
+    }
+
     /// Takes in what a node reported or said.
     fn hear_node(&mut self, event: Event) {
         self.health.hear(&event);
@@ -304,8 +317,23 @@ impl Recorder {
                 batch,
                 duration,
             } = report;
-            result?;
             self.spare.push(batch);
+            match result {
+                Err(error) if error.is_out_of_room() => {
+                    self.has_stopped = true;
+                    let text = format!("{error}; the graph goes on, and nothing more is recorded");
+                    bus.log(bus::Level::Warn, text);
+                }
+                Err(WriteError::Ended) if self.has_stopped => {}
+                result => {
+                    result?;
+                }
+            }
+            if self.has_stopped {
+                self.under_way.remove(&sequence);
+                self.leave_out(bus, sequence)?;
+                continue;
+            }
             let encoding = self.under_way.remove(&sequence).unwrap_or_default();
             bus.spent(encoding + duration);
             self.flushed.insert(sequence);

@@ -47,6 +47,9 @@ messages::settings! {
         pub rejected: bool = false;
         /// Kinds of data that are left out: `edges`, `curves`, `tables` … What is left out cannot be replayed from.
         pub without: Vec<Kind> = Vec::new();
+        /// Bytes of the disk that are left free: a scan that would take of them is not recorded any more. The recording
+        /// then ends as it should, the graph goes on, and at the end it is said what is missing.
+        pub leave_free: u64 = 200_000_000, in 0..=1e15;
         /// Bytes after which the next scan goes into a new part; without it size does not matter.
         pub max_bytes: Option<u64> = None, in 1_000_000..=1e12;
         /// Seconds of recorded time after which the next scan goes into a new part; without it time does not matter.

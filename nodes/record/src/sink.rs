@@ -21,6 +21,11 @@ pub(crate) trait Disk: Send + std::fmt::Debug {
     /// Waits until everything has reached the disk.
     fn sync(&mut self) -> io::Result<()>;
 
+    /// Bytes that others may still write to the same disk, where that is known.
+    fn free(&self) -> Option<u64> {
+        None
+    }
+
     /// Has these bytes written to the disk soon, and forgets those that are: they are not read again.
     fn forget(&mut self, _: Range<u64>) {}
 }
@@ -65,6 +70,12 @@ impl Disk for File {
 
     fn sync(&mut self) -> io::Result<()> {
         self.sync_all()
+    }
+
+    #[cfg(target_os = "linux")]
+    fn free(&self) -> Option<u64> {
+        let disk = rustix::fs::fstatvfs(self).ok()?;
+        Some(disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
     /// Where memory is taken from a host, a page used before costs a fifth of one that was never touched; and what is
@@ -116,6 +127,11 @@ impl Sink {
     /// How long the file is.
     pub(crate) fn len(&self) -> u64 {
         self.len
+    }
+
+    /// Bytes that are free on its disk, where that is known.
+    pub(crate) fn free(&self) -> Option<u64> {
+        self.disk.free()
     }
 
     /// Appends all pieces. When that fails the file is as it was before, and the sink takes no more.

@@ -50,6 +50,32 @@ pub enum WriteError {
     /// There is no room left.
     #[error("the disk is full: {} holds all scans before this one", .0.display())]
     Full(PathBuf),
+    /// There is hardly any room to begin with.
+    #[error(
+        "cannot record to {}: its disk has {} MB free, and record.leave_free keeps {} MB; make room or record elsewhere",
+        path.display(), free / 1_000_000, leave_free / 1_000_000
+    )]
+    NoRoom {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that are free.
+        free: u64,
+        /// Bytes that are left free.
+        leave_free: u64,
+    },
+    /// There is hardly any room left.
+    #[error(
+        "the disk is nearly full, {} MB are left and record.leave_free keeps {} MB: {} holds all scans before this one",
+        free / 1_000_000, leave_free / 1_000_000, path.display()
+    )]
+    NearlyFull {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that are free.
+        free: u64,
+        /// Bytes that are left free.
+        leave_free: u64,
+    },
     /// It cannot be opened or written.
     #[error("cannot record to {}: {source}", path.display())]
     Io {
@@ -64,6 +90,13 @@ pub enum WriteError {
     /// Writing failed before.
     #[error("the recording has ended: an earlier scan could not be written")]
     Ended,
+}
+
+impl WriteError {
+    /// Whether the disk has no more room, which others need not end for.
+    pub fn is_out_of_room(&self) -> bool {
+        matches!(self, Self::Full(_) | Self::NearlyFull { .. })
+    }
 }
 
 /// What was recorded.
@@ -177,6 +210,25 @@ impl Writer {
         Ok(existing)
     }
 
+    /// Whether the disk on which a recording is to be begun has more room than is to be left free.
+    ///
+    /// # Errors
+    /// When it has not.
+    pub fn check_free(path: &Path, leave_free: u64) -> Result<(), WriteError> {
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        let folder = File::open(folder.unwrap_or(Path::new("."))).ok();
+        match folder.and_then(|folder| Disk::free(&folder)) {
+            Some(free) if free < leave_free => Err(WriteError::NoRoom {
+                path: path.to_owned(),
+                free,
+                leave_free,
+            }),
+            _ => Ok(()),
+        }
+    }
+
     /// Goes on with a recording whose writer died: finishes what it left unfinished, and opens the next part. Without
     /// anything to go on with, begins it.
     ///
@@ -284,6 +336,7 @@ impl Writer {
             self.identity.part += 1;
             self.part = Some(self.open_part()?);
         }
+        self.check_room(batch)?;
         let part = self.part.as_mut().ok_or(WriteError::Ended)?;
         let before = part.sink.len();
         // Before the scan from which on they hold, so that no cut parts them.
@@ -301,6 +354,28 @@ impl Writer {
         }
         self.recorded.scans += u64::from(!batch.is_closing());
         Ok(part.sink.len() - before)
+    }
+
+    /// Ends the recording before a scan that would take of the room that is to be left free.
+    fn check_room(&mut self, batch: &Batch) -> Result<(), WriteError> {
+        let leave_free = self.settings.leave_free;
+        let Some(part) = self.part.as_ref() else {
+            return Ok(());
+        };
+        // What ends a recording is little, and there is room for it.
+        let free = part.sink.free().filter(|_| !batch.is_closing());
+        match free.filter(|&free| free < leave_free.saturating_add(batch.bytes().len() as u64)) {
+            Some(free) => {
+                let path = part.path.clone();
+                self.close_part(None)?;
+                Err(WriteError::NearlyFull {
+                    path,
+                    free,
+                    leave_free,
+                })
+            }
+            None => Ok(()),
+        }
     }
 
     /// Whether the part has all it should have, and this scan belongs into the next.
@@ -329,12 +404,15 @@ impl Writer {
         }
     }
 
-    /// Finishes the recording, with the ledger where the whole run's is known.
+    /// Finishes the recording, with the ledger where the whole run's is known; one that has ended already, because there
+    /// was no room, stays as it is.
     ///
     /// # Errors
     /// When what is left cannot be written; every scan that was flushed is there nevertheless.
     pub fn finish(mut self, ledger: Option<&Ledger>) -> Result<Written, WriteError> {
-        self.close_part(ledger)?;
+        if self.part.is_some() {
+            self.close_part(ledger)?;
+        }
         Ok(self.recorded)
     }
 
@@ -616,7 +694,7 @@ mod tests {
                 let told = error.to_string();
                 assert!(told.contains("disk is full"), "{told}");
                 assert!(matches!(writer.write(&batch), Err(WriteError::Ended)));
-                assert!(matches!(writer.finish(None), Err(WriteError::Ended)));
+                assert_eq!(writer.finish(None).unwrap().scans, sequence);
                 return sequence;
             }
         }

@@ -37,6 +37,7 @@ impl Camera for Heard {
         self.next = Some(header.sequence + 1);
         take(Picture {
             nanos: header.capture_nanos,
+            position_m: header.position_m,
             size: header.size(),
             layout: Layout::Gray,
             stride: header.width as usize,

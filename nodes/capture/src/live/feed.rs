@@ -52,9 +52,11 @@ pub(crate) trait Camera {
 pub(crate) type Open = Box<dyn Fn() -> Result<Box<dyn Camera>, String> + Send>;
 
 /// A picture, 8-bit gray row by row.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Frame {
     pub(crate) nanos: u64,
+    /// Where the camera stood, in metres along a rail; NaN where it does not say.
+    pub(crate) position_m: f64,
     pub(crate) size: Size,
     pub(crate) pixels: Vec<u8>,
 }
@@ -186,6 +188,7 @@ impl<R: FnMut()> Line<R> {
             let next = camera.next(&mut |picture| {
                 came = Some(picture.gray().map(|pixels| Frame {
                     nanos: picture.nanos,
+                    position_m: picture.position_m,
                     size: picture.size,
                     pixels,
                 }));
@@ -247,6 +250,7 @@ mod tests {
                 Some(Ok(nanos)) => {
                     take(Picture {
                         nanos,
+                        position_m: f64::NAN,
                         size: Size::new(2, 1),
                         layout: Layout::Gray,
                         stride: 2,

@@ -51,6 +51,8 @@ impl Layout {
 pub(crate) struct Picture<'a> {
     /// When it was taken, in nanoseconds since 1970.
     pub(crate) nanos: u64,
+    /// Where, in metres along a rail; NaN where that is not said.
+    pub(crate) position_m: f64,
     pub(crate) size: Size,
     pub(crate) layout: Layout,
     /// Bytes from one row to the next.
@@ -110,6 +112,7 @@ mod tests {
     fn gray(layout: Layout, stride: usize, bytes: &[u8]) -> Option<Vec<u8>> {
         let picture = Picture {
             nanos: 0,
+            position_m: f64::NAN,
             size: Size::new(2, 2),
             layout,
             stride,

@@ -179,6 +179,7 @@ impl Camera for Pipeline {
             .map_err(|_| damaged("readable pixels"))?;
         take(Picture {
             nanos: self.begin_nanos + running.nseconds(),
+            position_m: f64::NAN,
             size: Size::new(format.width(), format.height()),
             layout: Layout::Gray,
             stride: frame.plane_stride()[0].unsigned_abs() as usize,

@@ -66,6 +66,7 @@ impl Kept {
         let mut file = io::BufWriter::new(fs::File::create(self.path(tick))?);
         file.write_all(&scan.nanos.to_le_bytes())?;
         for frame in &scan.frames {
+            file.write_all(&frame.position_m.to_le_bytes())?;
             file.write_all(&frame.size.width.to_le_bytes())?;
             file.write_all(&frame.size.height.to_le_bytes())?;
             file.write_all(&frame.pixels)?;
@@ -112,13 +113,15 @@ fn decode(bytes: &[u8]) -> Option<Scan<Frame>> {
     let nanos = u64::from_le_bytes(*nanos);
     let mut frames = Vec::new();
     while !rest.is_empty() {
-        let (width, after) = rest.split_first_chunk()?;
+        let (position_m, after) = rest.split_first_chunk()?;
+        let (width, after) = after.split_first_chunk()?;
         let (height, after) = after.split_first_chunk()?;
         let size = Size::new(u32::from_le_bytes(*width), u32::from_le_bytes(*height));
         let pixels = after.get(..size.pixels())?;
         rest = &after[size.pixels()..];
         frames.push(Frame {
             nanos,
+            position_m: f64::from_le_bytes(*position_m),
             size,
             pixels: pixels.to_vec(),
         });
@@ -137,6 +140,7 @@ mod tests {
         let kept = Kept::open(folder.path()).unwrap();
         let frame = |value: u8| Frame {
             nanos: 77,
+            position_m: 0.25,
             size: Size::new(3, 2),
             pixels: vec![value; 6],
         };

@@ -47,6 +47,10 @@ pub(crate) fn run(
         is_live: delivery == Delivery::Live,
         skip: 0,
         failed: None,
+        motion: Motion {
+            speed: settings.speed,
+            start: settings.start.unwrap_or_default(),
+        },
         names,
     };
     let mut pause = Pause::default();
@@ -144,6 +148,27 @@ struct Cameras {
     /// Scans of a file that went in before this process took over.
     skip: u64,
     failed: Option<String>,
+    motion: Motion,
+}
+
+/// How a camera moves along a rail.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    speed: Option<f64>,
+    /// When it was at 0, in nanoseconds.
+    start: u64,
+}
+
+impl Motion {
+    /// Where a frame was taken, in metres: what it says itself, or by speed and time.
+    fn position_m(&self, frame: &Frame) -> Option<f64> {
+        if frame.position_m.is_finite() {
+            return Some(frame.position_m);
+        }
+        // A camera's clock may be a little behind.
+        let since = frame.nanos as i64 - self.start as i64;
+        Some(self.speed? * since as f64 / 1e9)
+    }
 }
 
 impl Cameras {
@@ -226,7 +251,19 @@ impl Cameras {
                 }
                 self.synchroniser.refuse(camera, 1, Cause::Size);
             }
-            News::Frame(frame) => self.synchroniser.push(camera, frame.nanos, frame),
+            News::Frame(mut frame) => {
+                if bus.run().rig.rail.is_some() {
+                    match self.motion.position_m(&frame) {
+                        Some(position_m) => frame.position_m = position_m,
+                        None => {
+                            self.failed
+                                .get_or_insert(SourceError::NoPositions.to_string());
+                            return;
+                        }
+                    }
+                }
+                self.synchroniser.push(camera, frame.nanos, frame);
+            }
             News::Vanished(why) => {
                 let text = format!("{name} has vanished: {why}; it is looked for every second");
                 bus.log(Level::Warn, text);
@@ -276,11 +313,15 @@ impl Cameras {
     }
 
     fn send(&self, bus: &Bus, under_way: UnderWay, scan: &Scan<Frame>) -> Result<(), CaptureError> {
-        let done_below = self.gate.door().done_below();
+        let rig = &bus.run().rig;
+        let done_below = self.gate.door().needed_from();
         for (view, frame) in scan.frames.iter().enumerate() {
             let header = Header {
                 view: view as u32,
-                position_m: bus.run().rig.position_m(view, frame.size),
+                position_m: match rig.rail {
+                    Some(_) => frame.position_m,
+                    None => rig.position_m(view, frame.size),
+                },
                 done_below,
                 ..Header::new(under_way.sequence, scan.nanos, frame.size)
             };
@@ -295,9 +336,9 @@ impl Cameras {
         Ok(())
     }
 
-    /// Sends the scans under way once more, the oldest first.
+    /// Sends the scans under way once more, and those they depend on, the oldest first.
     fn resend(&mut self, bus: &Bus) -> Result<(), CaptureError> {
-        for under_way in self.gate.door().under_way().collect::<Vec<_>>() {
+        for under_way in self.gate.door().to_resend() {
             let io = SourceError::io(&bus.run().root);
             let scan = self.kept.read(under_way.tick).map_err(io)?;
             self.send(bus, under_way, &scan)?;
@@ -309,8 +350,9 @@ impl Cameras {
         let done = self.gate.door().done_count();
         self.gate.hear_done(bus)?;
         if self.gate.door().done_count() > done {
-            let under_way: Vec<u64> = self.gate.door().under_way().map(|scan| scan.tick).collect();
-            self.kept.forget_all_but(|tick| under_way.contains(&tick));
+            let needed = self.gate.door().to_resend();
+            let needed: Vec<u64> = needed.into_iter().map(|scan| scan.tick).collect();
+            self.kept.forget_all_but(|tick| needed.contains(&tick));
         }
         Ok(())
     }

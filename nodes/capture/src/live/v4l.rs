@@ -351,6 +351,7 @@ impl Camera for Device {
             let used = (buffer.used as usize).min(mapped.length);
             take(Picture {
                 nanos: nanos_of(&buffer),
+                position_m: f64::NAN,
                 size: self.size,
                 layout: self.layout,
                 stride: self.stride,
