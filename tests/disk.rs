@@ -97,7 +97,7 @@ fn without_room_to_begin_with_nothing_is_begun() {
         "--record",
         "x.mcap",
         "--set",
-        "record.leave_free=1e15",
+        "record.leave_free=1000000000000000",
     ];
     let ran = world.run(&run);
     assert_eq!(ran.code, Some(1), "{ran:?}");

@@ -18,7 +18,12 @@ const STILL_PX: f32 = 0.5;
 /// Pixels the median block must have gone for a frame to be what later ones are compared with.
 const FAR_PX: f32 = 6.0;
 /// Share of the usual step by which steps may differ that are taken for equal: an estimate is no better.
-const EQUAL: f64 = 0.05;
+const EQUAL: f64 = 0.08;
+/// How far blocks may disagree on a step, as a share of it, standard error, for it to be believed.
+const UNSURE: f64 = 0.02;
+
+/// How far each block went, in columns to the left, by its place.
+type Ways = BTreeMap<(usize, usize), f32>;
 
 /// Places along a rail, in usual steps.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,7 +53,51 @@ struct Anchor {
     pixels: Vec<u8>,
     place: f64,
     /// Columns to the left that each block goes when the camera moves by one.
-    disparities: BTreeMap<(usize, usize), f32>,
+    disparities: Ways,
+}
+
+/// The search for blocks, no wider than it need be.
+struct Search {
+    size: Size,
+    /// How far they went at most, the last time.
+    longest: f32,
+    /// How many were found.
+    found: usize,
+}
+
+impl Search {
+    fn new(size: Size) -> Self {
+        Self {
+            size,
+            longest: f32::INFINITY,
+            found: 0,
+        }
+    }
+
+    fn ways(&mut self, from: &[u8], to: &[u8]) -> Ways {
+        let picture = |pixels| Picture {
+            size: self.size,
+            pixels,
+        };
+        // Large pictures have blocks enough far apart.
+        let spacing = SPACING.max(self.size.width as usize / 12);
+        let within = |reach: usize| -> Ways {
+            let found = moved(&picture(from), &picture(to), reach, spacing);
+            let way = found.into_iter().map(|way| (way.block, -way.right));
+            way.collect()
+        };
+        let whole = (self.size.width as usize / 8).max(8);
+        let narrow = (1.5 * self.longest + 4.0) as usize;
+        let mut ways = within(narrow.min(whole));
+        // The camera may have gone further than before.
+        if narrow < whole && 4 * ways.len() < 3 * self.found {
+            ways = within(whole);
+        }
+        self.found = ways.len();
+        let far = quantile(ways.values().map(|way| way.abs()).collect(), 0.98);
+        self.longest = far.unwrap_or(f32::INFINITY);
+        ways
+    }
 }
 
 /// Estimates where so many frames were taken; `pixels` gives one of them. `None` where the images do not tell.
@@ -57,17 +106,7 @@ pub(crate) fn estimated(
     size: Size,
     mut pixels: impl FnMut(usize) -> Result<Vec<u8>, SourceError>,
 ) -> Result<Option<Estimated>, SourceError> {
-    let reach = (size.width as usize / 8).max(8);
-    let ways = |from: &[u8], to: &[u8]| -> BTreeMap<(usize, usize), f32> {
-        let picture = |pixels| Picture { size, pixels };
-        // Large pictures have blocks enough far apart.
-        let spacing = SPACING.max(size.width as usize / 12);
-        let found = moved(&picture(from), &picture(to), reach, spacing);
-        found
-            .into_iter()
-            .map(|way| (way.block, -way.right))
-            .collect()
-    };
+    let mut search = Search::new(size);
     let mut places = vec![0.0];
     let mut anchor = Anchor {
         pixels: pixels(0)?,
@@ -75,10 +114,10 @@ pub(crate) fn estimated(
         disparities: BTreeMap::new(),
     };
     // Until the camera has moved nothing is known of the scene: ways from the first frame.
-    let mut before: Vec<BTreeMap<(usize, usize), f32>> = Vec::new();
+    let mut before: Vec<Ways> = Vec::new();
     for frame in 1..frames {
         let here = pixels(frame)?;
-        let seen = ways(&anchor.pixels, &here);
+        let seen = search.ways(&anchor.pixels, &here);
         let Some(median) = quantile(seen.values().map(|way| way.abs()).collect(), 0.5) else {
             return Ok(None);
         };
@@ -95,28 +134,25 @@ pub(crate) fn estimated(
             }
             // The way so far is the unit, for now.
             let place = (before.len() + 1) as f64;
-            let unit: BTreeMap<_, _> = seen
-                .into_iter()
+            let unit = seen.into_iter();
+            let unit: Ways = unit
                 .map(|(block, way)| (block, way / place as f32))
                 .collect();
-            for seen in before.drain(..) {
-                let Some(share) = ratio(&seen, &unit) else {
-                    return Ok(None);
-                };
-                places.push(share);
+            for (seen, usual) in before.drain(..).zip(1u16..) {
+                places.push(ratio(&seen, &unit).unwrap_or(usual.into()));
             }
             places.push(place);
             anchor.disparities = unit;
         } else {
-            let Some(share) = ratio(&seen, &anchor.disparities) else {
-                return Ok(None);
-            };
-            places.push(anchor.place + share);
+            // What blocks do not agree on goes on as before.
+            let before = places[frame - 1] + usual_step(&places);
+            let seen = ratio(&seen, &anchor.disparities);
+            places.push(seen.map_or(before, |way| anchor.place + way));
         }
         let place = places[frame];
         if median >= FAR_PX {
             let way = (place - anchor.place) as f32;
-            let back = ways(&here, &anchor.pixels);
+            let back = search.ways(&here, &anchor.pixels);
             let disparities = back.into_iter().map(|(block, back)| (block, -back / way));
             anchor = Anchor {
                 disparities: disparities.collect(),
@@ -128,17 +164,28 @@ pub(crate) fn estimated(
     Ok(in_usual_steps(places))
 }
 
-/// How far the camera moved for blocks to go these ways: the median of what each says that goes far enough to tell.
-fn ratio(
-    ways: &BTreeMap<(usize, usize), f32>,
-    disparities: &BTreeMap<(usize, usize), f32>,
-) -> Option<f64> {
+/// How far the camera moved for blocks to go these ways: the median of what each says that goes far enough to tell; `None`
+/// where too few do, or they do not agree.
+fn ratio(ways: &Ways, disparities: &Ways) -> Option<f64> {
     let said = ways.iter().filter_map(|(block, way)| {
         let disparity = disparities.get(block).filter(|d| d.abs() > 1.0)?;
         Some(way / disparity)
     });
     let said: Vec<f32> = said.collect();
-    (said.len() >= ENOUGH).then(|| quantile(said, 0.5).map(f64::from))?
+    if said.len() < ENOUGH {
+        return None;
+    }
+    let at = |share| quantile(said.clone(), share).map(f64::from);
+    let (low, middle, high) = (at(0.25)?, at(0.5)?, at(0.75)?);
+    // Of a normal distribution the quartiles are 1.35 standard deviations apart.
+    let error = (high - low) / 1.35 / (said.len() as f64).sqrt();
+    (error <= UNSURE * middle.abs().max(1.0)).then_some(middle)
+}
+
+/// The median of the steps so far.
+fn usual_step(places: &[f64]) -> f64 {
+    let steps = places.windows(2).map(|pair| (pair[1] - pair[0]) as f32);
+    quantile(steps.collect(), 0.5).map_or(1.0, f64::from)
 }
 
 /// The places in units of the usual step: the median of those at which the camera moved. `None` when it did not.
