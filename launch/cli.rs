@@ -7,7 +7,7 @@ use capture::Views;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use messages::{Delivery, Reference, Stage};
 
-/// Depth from one camera moved along a rail, or three in a row, by matching curves.
+/// Depth from one camera moved along a rail, or from three or more in a row, by matching curves.
 #[derive(Debug, Parser)]
 #[command(name = "tricurve", version, propagate_version = true, after_help = EXIT_CODES)]
 pub(crate) struct Cli {

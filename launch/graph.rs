@@ -246,10 +246,16 @@ impl Graph {
     }
 
     /// The view that results refer to, of so many.
-    pub(crate) fn reference(&self, views: usize) -> usize {
+    pub(crate) fn reference(&self, views: usize) -> Result<usize, Failure> {
         let said = self.settings_of("match").get("reference");
         let said = said.and_then(|said| Reference::deserialize(said).ok());
-        said.unwrap_or_default().index(views)
+        let reference = said.unwrap_or_default().index(views);
+        match reference < views {
+            true => Ok(reference),
+            false => Err(Failure::usage(format!(
+                "match.reference is view {reference}, and there are {views} views, counted from 0"
+            ))),
+        }
     }
 
     /// Frames of points before a frame on which its share of the map depends; 0 without a map.

@@ -137,28 +137,32 @@ fn a_camera_that_moves_is_matched_while_it_does_and_killed_nodes_change_nothing(
         "capture.mode=rail",
         "--set",
         "capture.baseline=0.01",
-        "--scans",
-        "60",
     ];
     let run = world.start(&[&BUS[..], &rail].concat());
     let mut publisher = publisher(&folder(&world));
-    wait_until("scans are recorded", || {
-        bytes_of(&world.path("x.mcap")) > 1_000_000
-    });
-    for killed in ["capture", "match", "map"] {
-        let so_far = bytes_of(&world.path("x.mcap"));
-        let node = |(name, _): &(String, u32)| name == killed;
-        if let Some((_, pid)) = world.nodes().into_iter().find(node) {
-            signal(pid, "KILL");
-        }
-        wait_until("scans are recorded again", || {
-            bytes_of(&world.path("x.mcap")) > so_far + 200_000 || world.nodes().is_empty()
+    let grown_by = |bytes: u64| {
+        let before = bytes_of(&world.path("x.mcap"));
+        wait_until("scans are recorded", || {
+            bytes_of(&world.path("x.mcap")) > before + bytes
         });
+    };
+    grown_by(5_000_000);
+    for killed in ["capture", "match", "map"] {
+        let node = |(name, _): &(String, u32)| name == killed;
+        let (_, pid) = world.nodes().into_iter().find(node).unwrap();
+        signal(pid, "KILL");
+        grown_by(5_000_000);
     }
+    signal(run.id(), "INT");
     let ran = Ran::new(run.wait_with_output().unwrap()).done();
     assert!(publisher.wait().unwrap().success());
     let summary = ran.json();
     assert_eq!(summary["balanced"], true, "{summary}");
+    for killed in ["capture", "match", "map"] {
+        let mut nodes = summary["nodes"].as_array().unwrap().iter();
+        let node = nodes.find(|node| node["node"] == killed).unwrap();
+        assert_eq!(node["restarts"], 1, "{killed}: {summary}");
+    }
     let mut recording = Recording::open(&world.path("x.mcap")).unwrap();
     let topics = Topic::of(&recording.metadata().rig, Kind::Points);
     // However many frames between were dropped: disparities are those of a centimetre.

@@ -34,6 +34,21 @@ fn five_views_are_run_recorded_shown_and_verified() {
         let verified = world.run(&verify).done().json();
         assert_eq!(verified["verified"]["equal"], true, "{verified}");
     }
+    let beyond = [
+        "replay",
+        "x.mcap",
+        "--from",
+        "match",
+        "--set",
+        "match.reference=5",
+    ];
+    let ran = world.run(&beyond);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(
+        ran.err
+            .contains("match.reference is view 5, and there are 5 views"),
+        "{ran:?}"
+    );
     let checked = world.run(&["view", "x.mcap", "--check"]).done();
     assert!(checked.out.contains("0 missing"), "{checked:?}");
     world.run(&["report", "x.mcap", "-o", "x.html"]).done();

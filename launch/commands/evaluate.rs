@@ -31,8 +31,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let graph = Graph::load(None, args.profile, &overrides)?;
     // Of more views than three the reference may be any: without being asked, one whose truth is known.
-    let view = |scene: &Scene| match (args.reference, scene.first_known()) {
-        (None, Some(known)) if scene.views > 3 => known,
+    let said = graph.settings_of("match").get("reference");
+    let is_asked = args.reference.is_some() || said.is_some_and(|said| said != "left");
+    let view = |scene: &Scene| match scene.first_known() {
+        Some(known) if scene.views > 3 && !is_asked => Ok(known),
         _ => graph.reference(scene.views),
     };
     let (scenes, mut skipped) = with_truth(&graph, &args.sources, view)?;
@@ -42,7 +44,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         .collect();
     let bar = progress(scenes.len(), args.json);
     let results = each(&scenes, |scene| {
-        let result = evaluated(&graph, &own, &methods, scene, view(scene));
+        let result = view(scene).and_then(|view| evaluated(&graph, &own, &methods, scene, view));
         if let Some(bar) = &bar {
             bar.inc(1);
         }
@@ -103,9 +105,9 @@ pub(crate) fn good<T>(
             Ok(result) => good.push(result),
             Err(failure) => skipped.push(Skipped {
                 name: scene.name.clone(),
+                is_wrong_use: failure.outcome == Outcome::Usage,
+                is_lost: failure.outcome != Outcome::Usage,
                 why: failure.text,
-                is_wrong_use: false,
-                is_lost: true,
             }),
         }
     }
@@ -150,6 +152,7 @@ fn evaluated(
     Ok(SceneReport {
         name: scene.name.clone(),
         is_rendered: scene.is_rendered,
+        view,
         methods: results.into_iter().map(MethodReport::from).collect(),
         gain,
     })
@@ -180,6 +183,8 @@ struct Report {
 struct SceneReport {
     name: String,
     is_rendered: bool,
+    /// Index of the reference view among the chosen ones.
+    view: usize,
     methods: Vec<MethodReport>,
     /// What more than three views are worth.
     #[serde(skip_serializing_if = "Option::is_none")]

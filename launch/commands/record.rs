@@ -40,6 +40,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             .max_size
             .map(|megabytes| megabytes.saturating_mul(1_000_000)),
         max_seconds: args.max_duration,
+        // A guest ends when the disk is full, and no earlier: nothing but itself depends on it.
+        leave_free: 0,
         ..Settings::default()
     };
     settings

@@ -349,6 +349,7 @@ fn rig(graph: &Graph, source: &Recording) -> Result<Rig, Failure> {
     if let Some(rail) = &mut recorded.rail {
         rail.follow = graph.follow()?;
     }
+    graph.reference(recorded.views.len())?;
     if !graph.has("filter") {
         return Ok(recorded);
     }

@@ -56,7 +56,7 @@ fn mismatches(recording: &mut Recording, scan: u64) -> Option<Mismatches> {
     let evaluate: evaluate::Settings = serde_json::from_value(evaluate).unwrap_or_default();
     let view = evaluate.view as usize;
     let (scan, truth) = Tabulated::of_recording(recording, scan).ok()?;
-    if view >= scan.views() {
+    if scan.views() < 3 || view >= scan.views() {
         return None;
     }
     let mut evaluator = Evaluator::new(&evaluate);
@@ -84,7 +84,12 @@ fn mismatches(recording: &mut Recording, scan: u64) -> Option<Mismatches> {
         .collect();
     rows.push(row("all".to_owned(), 0));
     Some(Mismatches {
-        methods: METHODS.map(|(name, _)| name.to_owned()).to_vec(),
+        methods: METHODS
+            .map(|(name, method)| match method {
+                Method::ThreeView if scan.views() > 3 => format!("curves, {} views", scan.views()),
+                _ => name.to_owned(),
+            })
+            .to_vec(),
         rows,
     })
 }

@@ -74,7 +74,7 @@ pub(super) fn plan(
     }
     let source = open_source(&graph)?;
     settle_rail(&mut graph, &source);
-    settle_truth(&mut graph, &source);
+    settle_truth(&mut graph, &source)?;
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;
     // A live run drops scans, and then numbers no longer tell which of the source's they are.
@@ -177,8 +177,8 @@ fn settle_rail(graph: &mut Graph, source: &Source) {
 }
 
 /// Lets results be evaluated where the source knows the truth, and nowhere else.
-fn settle_truth(graph: &mut Graph, source: &Source) {
-    let view = graph.reference(source.view_count());
+fn settle_truth(graph: &mut Graph, source: &Source) -> Result<(), Failure> {
+    let view = graph.reference(source.view_count())?;
     if !graph.has("match") || !source.knows_truth(view) {
         graph.remove("evaluate");
     }
@@ -186,6 +186,7 @@ fn settle_truth(graph: &mut Graph, source: &Source) {
         graph.fill_in("capture", "truth", view);
         graph.fill_in("evaluate", "view", view);
     }
+    Ok(())
 }
 
 fn say_notices(source: &Source) {
@@ -221,13 +222,6 @@ fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {
         );
         return Err(Failure::usage(text));
     }
-    let reference = graph.reference(count);
-    if reference >= count {
-        let text = format!(
-            "match.reference is view {reference}, and there are {count} views, counted from 0"
-        );
-        return Err(Failure::usage(text));
-    }
     let size: Size = source.size();
     Ok(Rig {
         calibration: source.calibration(),
@@ -256,12 +250,14 @@ pub(super) fn recording(graph: &mut Graph) -> Result<Option<PathBuf>, Failure> {
     };
     let path = std::path::absolute(&path).map_err(Failure::failed)?;
     let overwrite = settings.get("overwrite").and_then(Value::as_bool);
-    record::Writer::check(&path, overwrite.unwrap_or_default()).map_err(|error| match error {
+    let existing = record::Writer::check(&path, overwrite.unwrap_or_default());
+    let existing = existing.map_err(|error| match error {
         record::WriteError::Exists(_) => Failure::usage(error),
         error => Failure::failed(error),
     })?;
     let leave_free = settings.get("leave_free").and_then(Value::as_u64);
-    record::Writer::check_free(&path, leave_free.unwrap_or_default()).map_err(Failure::failed)?;
+    record::Writer::check_free(&path, leave_free.unwrap_or_default(), &existing)
+        .map_err(Failure::failed)?;
     graph.fill_in("record", "file", path.to_string_lossy().as_ref());
     Ok(Some(path))
 }

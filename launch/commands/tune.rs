@@ -105,7 +105,7 @@ struct Measured {
 /// Measures a scene with every combination. What comes before matching is done once where it is the same.
 fn measure(graphs: &[Graph], scene: &Scene, has_truth: bool) -> Result<Vec<Measured>, Failure> {
     let mut before: Option<(Vec<Value>, Tabulated)> = None;
-    let view = graphs[0].reference(scene.views);
+    let view = graphs[0].reference(scene.views)?;
     let truth = match has_truth {
         true => Some(scene.open(&graphs[0], view)?.1),
         false => None,

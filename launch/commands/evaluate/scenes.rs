@@ -80,20 +80,22 @@ impl Scene {
 pub(crate) fn with_truth(
     graph: &Graph,
     sources: &[String],
-    view: impl Fn(&Scene) -> usize,
+    view: impl Fn(&Scene) -> Result<usize, Failure>,
 ) -> Result<(Vec<Scene>, Vec<Skipped>), Failure> {
     let (mut scenes, mut skipped) = all(graph, sources);
     scenes.retain(|scene| {
-        let is_known = scene.known.contains(&view(scene));
-        if !is_known {
-            skipped.push(Skipped {
-                name: scene.name.clone(),
-                why: scene.lacks_truth(),
-                is_wrong_use: false,
-                is_lost: false,
-            });
-        }
-        is_known
+        let (is_wrong_use, why) = match view(scene) {
+            Ok(view) if scene.known.contains(&view) => return true,
+            Ok(_) => (false, scene.lacks_truth()),
+            Err(failure) => (failure.outcome == Outcome::Usage, failure.text),
+        };
+        skipped.push(Skipped {
+            name: scene.name.clone(),
+            why,
+            is_wrong_use,
+            is_lost: false,
+        });
+        false
     });
     nothing_left(scenes.len(), &skipped)?;
     Ok((scenes, skipped))
@@ -193,7 +195,12 @@ fn open(graph: &Graph, spec: &str) -> Result<Source, Failure> {
         true => Failure::usage(error),
         false => Failure::failed(error),
     })?;
-    Ok(source)
+    match source.view_count() {
+        0..3 => Err(Failure::usage(
+            "scenes of three views or more are compared, not the frames of a rail: `run` evaluates those as topics",
+        )),
+        _ => Ok(source),
+    }
 }
 
 /// The folders in a folder, by name.

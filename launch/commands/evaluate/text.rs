@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use matching::Method;
 
-use super::{Figures, Report};
+use super::{Figures, Gain, Report, SceneReport};
 
 /// What a method is called.
 fn name(method: Method) -> &'static str {
@@ -96,72 +96,60 @@ fn figures(report: &Report, at: usize, method: Method, text: &mut String) {
 
 /// What more than three views are worth: errors beside those of a triple at the same coverage.
 fn gains(report: &Report, text: &mut String) {
-    let gains = || {
-        report
-            .scenes
-            .iter()
-            .filter_map(|scene| Some((&scene.name, scene.gain?)))
-    };
-    if gains().next().is_none() {
+    /// A figure of both, its title and decimal places.
+    type Column = (fn(&Figures) -> f64, &'static str, usize);
+    const COLUMNS: [Column; 3] = [
+        (|f| f.median.into(), "median px", 4),
+        (|f| 100.0 * f64::from(f.bad_0_5), "bad-0.5 %", 2),
+        (|f| 100.0 * f64::from(f.bad_1), "bad-1 %", 2),
+    ];
+    let with_gain = |scene: &SceneReport| Some((scene.name.clone(), scene.view, scene.gain?));
+    let gains: Vec<_> = report.scenes.iter().filter_map(with_gain).collect();
+    if gains.is_empty() {
         return;
     }
     let width = width(report);
+    let lead = |name: &str, [views, reference, coverage]: [&str; 3]| {
+        format!("{name:<width$} {views:>5} {reference:>9} {coverage:>8}")
+    };
+    let head = lead("scene", ["views", "reference", "coverage"]);
+    let titles = COLUMNS
+        .map(|(_, title, _)| format!(" | {title:^23}"))
+        .concat();
+    let pair = format!(" | {:>8} {:>7} {:>6}", "triple", "all", "ratio").repeat(COLUMNS.len());
     writeln!(
         text,
-        "all views beside the triple around the reference view, at the same coverage\n\
-         {:<width$} {:>5} {:>8} | {:^23} | {:^23} | {:^23}\n\
-         {:<width$} {:>5} {:>8} | {:>8} {:>7} {:>6} | {:>8} {:>7} {:>6} | {:>8} {:>7} {:>6}",
+        "all views beside the triple around the reference view, at the same coverage\n{:indent$}{titles}\n{head}{pair}",
         "",
-        "",
-        "",
-        "median px",
-        "bad-0.5 %",
-        "bad-1 %",
-        "scene",
-        "views",
-        "coverage",
-        "triple",
-        "all",
-        "ratio",
-        "triple",
-        "all",
-        "ratio",
-        "triple",
-        "all",
-        "ratio",
+        indent = head.len()
     )
     .unwrap_or_default();
-    let mut line = |name: &str, views: &str, coverage: f64, pairs: [[f64; 2]; 3]| {
-        write!(text, "{name:<width$} {views:>5} {coverage:>8.3}").unwrap_or_default();
-        for ([triple, all], places) in pairs.into_iter().zip([4, 2, 2]) {
+    let mut line = |lead: String, pairs: [[f64; 2]; COLUMNS.len()]| {
+        text.push_str(&lead);
+        for ([triple, all], (_, _, places)) in pairs.into_iter().zip(COLUMNS) {
             let ratio = match triple > 0.0 {
                 true => format!("{:.2}", all / triple),
                 false => "-".to_owned(),
             };
             write!(text, " | {triple:>8.places$} {all:>7.places$} {ratio:>6}").unwrap_or_default();
         }
-        writeln!(text).unwrap_or_default();
+        text.push('\n');
     };
-    let mut sums = ([[0.0; 2]; 3], 0.0, 0.0);
-    for (name, gain) in gains() {
-        let both = |of: fn(&Figures) -> f32| [&gain.triple, &gain.all].map(|f| f64::from(of(f)));
-        let pairs = [
-            both(|f| f.median),
-            both(|f| 100.0 * f.bad_0_5),
-            both(|f| 100.0 * f.bad_1),
-        ];
-        for (sum, pair) in sums.0.iter_mut().flatten().zip(pairs.iter().flatten()) {
-            *sum += pair;
-        }
-        sums.1 += f64::from(gain.coverage);
-        sums.2 += 1.0;
-        line(name, &gain.views.to_string(), gain.coverage.into(), pairs);
+    let both = |gain: &Gain| COLUMNS.map(|(of, ..)| [of(&gain.triple), of(&gain.all)]);
+    for (name, view, gain) in &gains {
+        let [views, view] = [gain.views, *view].map(|number| number.to_string());
+        let coverage = format!("{:.3}", gain.coverage);
+        line(lead(name, [&views, &view, &coverage]), both(gain));
     }
-    if sums.2 > 1.0 {
-        let means = sums.0.map(|pair| pair.map(|sum| sum / sums.2));
-        line("mean", "", sums.1 / sums.2, means);
+    if gains.len() > 1 {
+        let mean = |of: &dyn Fn(&Gain) -> f64| {
+            gains.iter().map(|(_, _, gain)| of(gain)).sum::<f64>() / gains.len() as f64
+        };
+        let coverage = format!("{:.3}", mean(&|gain| gain.coverage.into()));
+        let means = COLUMNS.map(|(of, ..)| [mean(&|g| of(&g.triple)), mean(&|g| of(&g.all))]);
+        line(lead("mean", ["", "", &coverage]), means);
     }
-    writeln!(text).unwrap_or_default();
+    text.push('\n');
 }
 
 /// Mismatches of all methods side by side: of rendered scenes in every channel, of others in the result.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use messages::Kind;
 use messages::bus::{NodeReport, Percentiles};
 use messages::ledger::Ledger;
 use messages::synchronisation::Synchronisation;
@@ -87,12 +88,21 @@ fn doubts(reports: &[NodeReport]) -> impl Iterator<Item = String> {
         let report = reports.iter().find(|report| report.node == node)?;
         report.counts.get(name).copied()
     };
+    let topics = |node: &str, kind: Kind| {
+        let report = reports.iter().find(|report| report.node == node);
+        let topics = report.into_iter().flat_map(|report| report.topics.keys());
+        let is_kind = |topic: &&String| topic.split('/').next() == Some(kind.name());
+        topics.filter(is_kind).count()
+    };
+    let views = topics("match", Kind::Curves) / topics("match", Kind::Matches).max(1);
     let doubt = match (count("track", "curves"), count("match", "matches")) {
         (Some(0), _) => {
             Some("no curve was found: the images are blank, or track.high and track.low too great")
         }
-        // A match is three curves.
-        (Some(curves), Some(matches)) if 3.0 * (matches as f64) < LEAST_MATCHED * curves as f64 => {
+        // A match is a curve in each view; of a rail's frame in three.
+        (Some(curves), Some(matches))
+            if views.max(3) as f64 * (matches as f64) < LEAST_MATCHED * curves as f64 =>
+        {
             Some(
                 "next to nothing matched: are the views chosen from left to right, rectified so that rows agree, and nearer \
              than match.disparity_most?",

@@ -268,6 +268,18 @@ pub enum SourceError {
     )]
     NoStep,
 
+    /// A speed where frames have no times of their own.
+    #[error(
+        "capture.speed is of cameras, whose frames come with times; say where files were taken with capture.positions"
+    )]
+    SpeedOfFiles,
+
+    /// A file of positions for a camera.
+    #[error(
+        "capture.positions is of files; of a camera set capture.speed, or publish positions with its frames (camera:bus, FramesOut::send_at)"
+    )]
+    PositionsOfCamera,
+
     /// Several cameras along a rail.
     #[error("along a rail one camera moves, and capture.cameras names {count}")]
     OneCamera {
@@ -381,6 +393,8 @@ impl SourceError {
                 | Self::OneScene { .. }
                 | Self::NoPositions
                 | Self::NoStep
+                | Self::SpeedOfFiles
+                | Self::PositionsOfCamera
                 | Self::OneCamera { .. }
                 | Self::UnknownWay { .. }
                 | Self::NeedsFeature { .. }

@@ -85,6 +85,9 @@ impl LiveRail {
         if settings.mode != Mode::Rail {
             return Ok(None);
         }
+        if settings.positions.is_some() {
+            return Err(SourceError::PositionsOfCamera);
+        }
         if way != Way::Bus && settings.speed.is_none() {
             return Err(SourceError::NoPositions);
         }

@@ -22,6 +22,11 @@ const EQUAL: f64 = 0.08;
 /// How far blocks may disagree on a step, as a share of it, standard error, for it to be believed.
 const UNSURE: f64 = 0.02;
 
+/// Frames that follow each other and of which nothing can be told, at most.
+const MOST_UNKNOWN: u32 = 3;
+/// Frames whose places are estimated, at most: every one is searched before the first is matched.
+const MOST_FRAMES: usize = 500;
+
 /// How far each block went, in columns to the left, by its place.
 type Ways = BTreeMap<(usize, usize), f32>;
 
@@ -106,6 +111,9 @@ pub(crate) fn estimated(
     size: Size,
     mut pixels: impl FnMut(usize) -> Result<Vec<u8>, SourceError>,
 ) -> Result<Option<Estimated>, SourceError> {
+    if frames > MOST_FRAMES {
+        return Ok(None);
+    }
     let mut search = Search::new(size);
     let mut places = vec![0.0];
     let mut anchor = Anchor {
@@ -115,44 +123,44 @@ pub(crate) fn estimated(
     };
     // Until the camera has moved nothing is known of the scene: ways from the first frame.
     let mut before: Vec<Ways> = Vec::new();
+    let (mut last_step, mut in_a_row) = (0.0, 0);
     for frame in 1..frames {
         let here = pixels(frame)?;
         let seen = search.ways(&anchor.pixels, &here);
-        let Some(median) = quantile(seen.values().map(|way| way.abs()).collect(), 0.5) else {
-            return Ok(None);
-        };
-        if seen.len() < ENOUGH {
-            return Ok(None);
+        let median = quantile(seen.values().map(|way| way.abs()).collect(), 0.5);
+        let median = median.unwrap_or_default();
+        if anchor.disparities.is_empty() && median < FAR_PX && frame + 1 < frames {
+            before.push(seen);
+            continue;
         }
-        if anchor.disparities.is_empty() {
-            if median < FAR_PX && frame + 1 < frames {
-                before.push(seen);
-                continue;
-            }
-            if median < STILL_PX {
+        let measured = if anchor.disparities.is_empty() {
+            if median < STILL_PX || seen.len() < ENOUGH {
                 return Ok(None);
             }
-            // The way so far is the unit, for now.
-            let place = (before.len() + 1) as f64;
-            let unit = seen.into_iter();
-            let unit: Ways = unit
-                .map(|(block, way)| (block, way / place as f32))
-                .collect();
-            for (seen, usual) in before.drain(..).zip(1u16..) {
-                places.push(ratio(&seen, &unit).unwrap_or(usual.into()));
+            // The whole way so far is the unit, for now.
+            for way in before.drain(..) {
+                let Some(place) = ratio(&way, &seen) else {
+                    return Ok(None);
+                };
+                places.push(place);
             }
-            places.push(place);
-            anchor.disparities = unit;
+            anchor.disparities = seen;
+            Some(1.0)
         } else {
-            // What blocks do not agree on goes on as before.
-            let before = places[frame - 1] + usual_step(&places);
-            let seen = ratio(&seen, &anchor.disparities);
-            places.push(seen.map_or(before, |way| anchor.place + way));
+            ratio(&seen, &anchor.disparities).map(|way| anchor.place + way)
+        };
+        // Where blocks do not agree, as in a blurred frame, the camera is taken to go on as it did.
+        let latest = places[frame - 1];
+        in_a_row = if measured.is_some() { 0 } else { in_a_row + 1 };
+        if in_a_row > MOST_UNKNOWN {
+            return Ok(None);
         }
-        let place = places[frame];
-        if median >= FAR_PX {
-            let way = (place - anchor.place) as f32;
+        let place = measured.unwrap_or(latest + last_step);
+        last_step = place - latest;
+        places.push(place);
+        if measured.is_some() && median >= FAR_PX {
             let back = search.ways(&here, &anchor.pixels);
+            let way = (place - anchor.place) as f32;
             let disparities = back.into_iter().map(|(block, back)| (block, -back / way));
             anchor = Anchor {
                 disparities: disparities.collect(),
@@ -180,12 +188,6 @@ fn ratio(ways: &Ways, disparities: &Ways) -> Option<f64> {
     // Of a normal distribution the quartiles are 1.35 standard deviations apart.
     let error = (high - low) / 1.35 / (said.len() as f64).sqrt();
     (error <= UNSURE * middle.abs().max(1.0)).then_some(middle)
-}
-
-/// The median of the steps so far.
-fn usual_step(places: &[f64]) -> f64 {
-    let steps = places.windows(2).map(|pair| (pair[1] - pair[0]) as f32);
-    quantile(steps.collect(), 0.5).map_or(1.0, f64::from)
 }
 
 /// The places in units of the usual step: the median of those at which the camera moved. `None` when it did not.
@@ -254,6 +256,39 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn a_camera_that_stands_still_first_and_creeps_is_followed_too() {
+        let mut places = vec![0.0; 20];
+        places.extend((1..20).map(f64::from));
+        let estimated = of(&places).unwrap();
+        assert!(!estimated.are_equal());
+        for (place, truth) in estimated.places.iter().zip(&places) {
+            assert!((place - truth).abs() < 0.1, "{estimated:?}");
+        }
+        // A tenth of that from frame to frame, and a rest in the middle.
+        let creeping = (0..60u32).map(|frame| frame.min(30) + frame.saturating_sub(40));
+        let places: Vec<f64> = creeping.map(f64::from).collect();
+        let slow: Vec<f64> = places.iter().map(|place| 0.15 * place).collect();
+        let estimated = of(&slow).unwrap();
+        for (place, truth) in estimated.places.iter().zip(&places) {
+            assert!(
+                (place - truth).abs() < 1.0,
+                "{place} {truth}: {estimated:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn one_frame_that_tells_nothing_does_no_harm() {
+        let places: Vec<f64> = (0..12).map(f64::from).collect();
+        let frames = |frame: usize| match frame {
+            5 => Ok(vec![90; SIZE.pixels()]),
+            _ => Ok(picture(places[frame])),
+        };
+        let estimated = estimated(12, SIZE, frames).unwrap().unwrap();
+        assert!(estimated.are_equal(), "{estimated:?}");
     }
 
     #[test]

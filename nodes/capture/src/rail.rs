@@ -69,6 +69,9 @@ impl Rail {
         camera: impl FnOnce(bool) -> Result<(Calibration, Vec<String>), SourceError>,
         mut pixels: impl FnMut(usize) -> Result<Vec<u8>, SourceError>,
     ) -> Result<Self, SourceError> {
+        if settings.speed.is_some() {
+            return Err(SourceError::SpeedOfFiles);
+        }
         let mut notices = Vec::new();
         let mut in_metres = false;
         if let Some(file) = &settings.positions {

@@ -61,7 +61,7 @@ impl Choice {
         !self.disparity.is_nan()
     }
 
-    /// Whether it was seen in every view that has a say.
+    /// Whether it was seen in other views, and not filled in.
     pub(crate) fn is_seen(&self) -> bool {
         self.spots != [NONE; 2]
     }

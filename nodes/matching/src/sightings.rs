@@ -227,7 +227,9 @@ impl<'a> Sightings<'a> {
             let gone = self.seen.remove(worst);
             line = line.without(self.looks[gone.look].to, gone.x);
         }
-        (self.seen.len() >= 2).then_some(line)
+        // Matches name curves of the views next to the reference one.
+        let is_named = |seen: &Sighting| self.looks[seen.look].slot.is_some();
+        (self.seen.len() >= 2 && self.seen.iter().any(is_named)).then_some(line)
     }
 
     /// How unlike the sightings are, and by how much they miss the line, in pixels.

@@ -38,6 +38,10 @@ pub enum RecordError {
 /// How often the ledger goes into the recording.
 const LEDGER_EVERY: Duration = Duration::from_secs(1);
 
+/// Scans that are encoded before the disk has taken them: one that is being written, one that waits, one in the making.
+/// More that came while the disk was slow would cost memory, and stay where they are meanwhile: in shared memory.
+const BATCHES: usize = 3;
+
 /// Records every scan of which all topics have come, until told to stop.
 ///
 /// # Errors
@@ -80,7 +84,9 @@ fn record(
         while let Some(event) = heard.receive()? {
             recorder.hear_node(event);
         }
-        if let Some(scan) = bus.scan_now(scans)? {
+        if recorder.under_way.len() < BATCHES
+            && let Some(scan) = bus.scan_now(scans)?
+        {
             recorder.take(bus, &scan)?;
             continue;
         }

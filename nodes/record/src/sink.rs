@@ -75,7 +75,8 @@ impl Disk for File {
     #[cfg(target_os = "linux")]
     fn free(&self) -> Option<u64> {
         let disk = rustix::fs::fstatvfs(self).ok()?;
-        Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+        // Some, in memory or over a network, do not say how large they are.
+        (disk.f_blocks > 0).then(|| disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
     /// Where memory is taken from a host, a page used before costs a fifth of one that was never touched; and what is

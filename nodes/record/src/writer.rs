@@ -210,17 +210,26 @@ impl Writer {
         Ok(existing)
     }
 
-    /// Whether the disk on which a recording is to be begun has more room than is to be left free.
+    /// Whether the disk on which a recording is to be begun has more room than is to be left free, once the files that it
+    /// overwrites are gone.
     ///
     /// # Errors
     /// When it has not.
-    pub fn check_free(path: &Path, leave_free: u64) -> Result<(), WriteError> {
+    pub fn check_free(
+        path: &Path,
+        leave_free: u64,
+        overwritten: &[PathBuf],
+    ) -> Result<(), WriteError> {
+        let lens = overwritten
+            .iter()
+            .filter_map(|path| fs::metadata(path).ok());
+        let freed: u64 = lens.map(|file| file.len()).sum();
         let folder = path
             .parent()
             .filter(|folder| !folder.as_os_str().is_empty());
         let folder = File::open(folder.unwrap_or(Path::new("."))).ok();
         match folder.and_then(|folder| Disk::free(&folder)) {
-            Some(free) if free < leave_free => Err(WriteError::NoRoom {
+            Some(free) if free.saturating_add(freed) < leave_free => Err(WriteError::NoRoom {
                 path: path.to_owned(),
                 free,
                 leave_free,
@@ -327,6 +336,7 @@ impl Writer {
     /// # Errors
     /// When it cannot be written; the recording then ends with the scan before it.
     pub fn write(&mut self, batch: &Batch) -> Result<u64, WriteError> {
+        self.check_room(batch)?;
         if self
             .part
             .as_ref()
@@ -336,7 +346,6 @@ impl Writer {
             self.identity.part += 1;
             self.part = Some(self.open_part()?);
         }
-        self.check_room(batch)?;
         let part = self.part.as_mut().ok_or(WriteError::Ended)?;
         let before = part.sink.len();
         // Before the scan from which on they hold, so that no cut parts them.
@@ -366,7 +375,7 @@ impl Writer {
         let free = part.sink.free().filter(|_| !batch.is_closing());
         match free.filter(|&free| free < leave_free.saturating_add(batch.bytes().len() as u64)) {
             Some(free) => {
-                let path = part.path.clone();
+                let path = self.path.clone();
                 self.close_part(None)?;
                 Err(WriteError::NearlyFull {
                     path,

@@ -348,9 +348,12 @@ impl<'a> Drawn<'a> {
             "<details><summary>{} <span>{listed}</span></summary><div class=\"wide\"><table><thead><tr>",
             counted(matches.len() as u64, "match", "matches")
         )?;
-        let views = &self.recording.metadata().rig.views;
-        for view in 0..3 {
-            let name = views.get(view).map_or("", |view| view.name.as_str());
+        let (rig, reference) = (
+            &self.recording.metadata().rig,
+            self.recording.codec().reference(),
+        );
+        for view in rig.named(reference) {
+            let name = rig.views.get(view).map_or("", |view| view.name.as_str());
             write!(out, "<th class=\"n\">curve {}</th>", escape(name))?;
         }
         writeln!(
