@@ -5,6 +5,7 @@ mod harness;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use harness::{Ran, World, bytes_of, signal, wait_until};
 use serde_json::Value;
@@ -196,4 +197,45 @@ fn a_rail_passes_one_scene() {
     let ran = world.run(&arguments("scene:all", "x.mcap"));
     assert_eq!(ran.code, Some(2), "{ran:?}");
     assert!(ran.err.contains("choose one of them"), "{ran:?}");
+}
+
+#[test]
+fn a_rail_whose_matcher_dies_again_and_again_does_not_stand_still() {
+    let world = World::new();
+    let rail = world
+        .small_rail("rail", 0..8)
+        .to_string_lossy()
+        .into_owned();
+    let run = world.start(&[
+        "run",
+        "--source",
+        &rail,
+        "--set",
+        "capture.mode=rail",
+        "--scans",
+        "1000000",
+        "--no-record",
+    ]);
+    let scans_done = || {
+        let ran = world.run(&["top", "--once", "--json"]);
+        let graphs: Option<serde_json::Value> = serde_json::from_str(&ran.out).ok();
+        graphs.and_then(|top| top["graphs"][0]["scans_done"].as_u64())
+    };
+    wait_until("the graph runs", || scans_done() > Some(20));
+    for node in ["match", "match", "filter", "match", "map", "match"] {
+        let of_name = |(name, _): &(String, u32)| name == node;
+        let (_, pid) = world.nodes().into_iter().find(of_name).unwrap();
+        signal(pid, "KILL");
+        let (before, since) = (scans_done().unwrap_or_default(), Instant::now());
+        // A graph that stands still is sent its scans once more after a minute.
+        while scans_done() < Some(before + 60) {
+            assert!(
+                since.elapsed() < Duration::from_secs(25),
+                "{node} was killed"
+            );
+        }
+    }
+    signal(run.id(), "INT");
+    let ran = Ran::new(run.wait_with_output().unwrap()).done();
+    assert!(ran.out.contains("; balanced"), "{ran:?}");
 }

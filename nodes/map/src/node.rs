@@ -14,6 +14,7 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     let results = bus.outputs(&[Kind::Map, Kind::Growing])?;
     let done = bus.finisher()?;
     let rig = bus.run().rig.clone();
+    let triple = rig.rail.map_or(0, |rail| rail.reach());
     let mut fusion = bus.tuned(&settings, Fusion::new)?;
     // The frame that is to come, and the first one that all it depends on was seen before.
     let (mut next, mut whole_from) = (0, 0);
@@ -21,6 +22,13 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     while let Some(frame) = bus.next_scan(&mut frames)? {
         let header = frame.header();
         let fusion = fusion.at(&header)?;
+        // What is sent once more begins with the first frame that is matched of those that are needed. A later one that
+        // was here came twice on its way: as it was sent first, and with all the others once more.
+        let first_sent = header.done_below + triple;
+        if frame.sequence < next && frame.sequence > first_sent {
+            done.done(frame.sequence)?;
+            continue;
+        }
         if frame.sequence != next {
             // Frames come again because somebody lost them: with all those before that they depend on.
             fusion.reset();
