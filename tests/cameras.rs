@@ -4,7 +4,6 @@
 
 mod harness;
 
-use std::fs;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
@@ -24,20 +23,6 @@ fn publisher(run: &PathBuf) -> Child {
         .join("examples/publish");
     let publisher = Command::new(program).arg(run).stdout(Stdio::null()).spawn();
     publisher.expect("built before: cargo build --example publish")
-}
-
-/// The folder of the one graph that runs in this world, when it waits for frames.
-fn folder(world: &World) -> PathBuf {
-    let runs = world.runtime().join("tricurve");
-    let mut found = None;
-    wait_until("the graph runs", || {
-        let entries = fs::read_dir(&runs).into_iter().flatten().flatten();
-        found = entries
-            .map(|entry| entry.path())
-            .find(|path| path.join("kept").exists());
-        found.is_some()
-    });
-    found.unwrap()
 }
 
 /// Every frame of every camera is accounted for; gives the scans made.
@@ -82,7 +67,7 @@ const BUS: [&str; 12] = [
 fn another_program_publishes_its_frames_and_they_are_matched() {
     let world = World::new();
     let run = world.start(&[&BUS[..], &["--scans", "40"]].concat());
-    let mut publisher = publisher(&folder(&world));
+    let mut publisher = publisher(&world.waiting_run());
     let ran = Ran::new(run.wait_with_output().unwrap()).done();
     assert!(publisher.wait().unwrap().success());
     let summary = ran.json();
@@ -100,7 +85,7 @@ fn another_program_publishes_its_frames_and_they_are_matched() {
 fn a_killed_capture_loses_no_scan_that_was_let_in_and_counts_those_that_went_by() {
     let world = World::new();
     let run = world.start(&BUS);
-    let mut publisher = publisher(&folder(&world));
+    let mut publisher = publisher(&world.waiting_run());
     wait_until("scans are recorded", || {
         bytes_of(&world.path("x.mcap")) > 10_000_000
     });
@@ -139,7 +124,7 @@ fn a_camera_that_moves_is_matched_while_it_does_and_killed_nodes_change_nothing(
         "capture.baseline=0.01",
     ];
     let run = world.start(&[&BUS[..], &rail].concat());
-    let mut publisher = publisher(&folder(&world));
+    let mut publisher = publisher(&world.waiting_run());
     let grown_by = |bytes: u64| {
         let before = bytes_of(&world.path("x.mcap"));
         wait_until("scans are recorded", || {

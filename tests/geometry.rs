@@ -10,9 +10,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat2, DVec2, DVec3};
-use harness::World;
+use harness::{Ran, World};
 use image::GrayImage;
+use messages::bus::FramesOut;
 use messages::recording::Recording;
+use messages::{Image, Kind, Topic};
 use rig::{Camera, FISHEYE, RADTAN, SIZE, axes, kalibr, rig};
 use serde_json::Value;
 
@@ -239,6 +241,82 @@ fn a_tilted_rig_that_distorts_gives_depths_within_half_a_percent() {
         bias.abs() < 0.001 && part(50) < 0.001 && part(95) < 0.005,
         "{figures}"
     );
+}
+
+#[test]
+fn frames_of_live_cameras_are_rectified_as_files_are() {
+    let world = World::new();
+    let cameras = rig([RADTAN, FISHEYE, RADTAN]);
+    let folder = scene(&world, "scene", &cameras);
+    let calibration = world.path("camchain.yaml");
+    fs::write(&calibration, kalibr(&cameras)).unwrap();
+    let set = format!("capture.calibration={}", calibration.display());
+    let source = folder.to_string_lossy();
+    let files = [
+        "run",
+        "--source",
+        &source,
+        "--scans",
+        "1",
+        "--record",
+        "files.mcap",
+    ];
+    world.run(&[&files[..], &["--set", &set]].concat()).done();
+    let live = [
+        "run",
+        "--source",
+        "camera:bus",
+        "--scans",
+        "2",
+        "--record",
+        "live.mcap",
+    ];
+    let size = [
+        "--set",
+        "capture.width=512",
+        "--set",
+        "capture.height=480",
+        "--set",
+        &set,
+    ];
+    let run = world.start(&[&live[..], &size].concat());
+    let waiting = world.waiting_run();
+    let mut views =
+        ["left", "centre", "right"].map(|name| FramesOut::join(&waiting, name).unwrap());
+    let pictures = [0, 1, 2].map(|view| {
+        let path = folder.join(format!("view{view}.png"));
+        image::open(path).unwrap().into_luma8().into_raw()
+    });
+    for frame in 1u64.. {
+        for (view, picture) in views.iter_mut().zip(&pictures) {
+            let sent = view.send(frame * 33_000_000, |pixels| pixels.copy_from_slice(picture));
+            sent.unwrap();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(33));
+        if !waiting.exists() {
+            break;
+        }
+    }
+    Ran::new(run.wait_with_output().unwrap()).done();
+    let images = |file: &str| {
+        let mut recording = Recording::open(&world.path(file)).unwrap();
+        let rig = recording.metadata().rig.clone();
+        let topics = Topic::of(&rig, Kind::Image);
+        let read = |topic| {
+            recording
+                .read::<Image>(0, topic)
+                .unwrap()
+                .view()
+                .pixels
+                .to_vec()
+        };
+        let images: Vec<Vec<u8>> = topics.iter().map(read).collect();
+        (images, rig.calibration)
+    };
+    let (live, files) = (images("live.mcap"), images("files.mcap"));
+    assert_eq!(live.1, files.1);
+    assert!(live.0 == files.0, "the same to the byte");
+    assert!(live.0[0] != pictures[0], "and not as the cameras took them");
 }
 
 #[test]

@@ -69,6 +69,20 @@ impl World {
         self.runtime.path()
     }
 
+    /// The folder of the one graph that runs in this world, when it waits for frames.
+    pub(crate) fn waiting_run(&self) -> PathBuf {
+        let runs = self.runtime().join("tricurve");
+        let mut found = None;
+        wait_until("the graph waits for frames", || {
+            let entries = fs::read_dir(&runs).into_iter().flatten().flatten();
+            found = entries
+                .map(|entry| entry.path())
+                .find(|path| path.join("kept").exists());
+            found.is_some()
+        });
+        found.unwrap()
+    }
+
     /// The program, about to run in this world.
     pub(crate) fn tricurve(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_tricurve"));

@@ -157,10 +157,11 @@ impl Source {
 
     #[cfg(feature = "node")]
     fn cameras(known: live::Known, settings: &Settings) -> Result<Self, SourceError> {
-        Rectifier::refuse(
-            settings,
-            "frames of cameras are not rectified while they come; give their camera_info and rectified frames",
-        )?;
+        if known.rail.is_some() {
+            Rectifier::refuse(settings, RAIL_IS_RECTIFIED)?;
+        }
+        let rectifier = Rectifier::open(settings, known.views.len(), &[known.size])?;
+        let of_rectified = rectifier.as_ref().map(Rectifier::known).unwrap_or_default();
         let own = match known.rail {
             // What the settings say is from frame to frame, and wanted from one member of a triple to the next.
             Some(live) => Settings {
@@ -169,11 +170,15 @@ impl Source {
             },
             None => settings.clone(),
         };
-        let (calibration, warnings) = calibration(&own, Known::default(), &[known.size])?;
+        let (calibration, mut warnings) = calibration(&own, of_rectified, &[known.size])?;
+        let mut notices = known.notices.clone();
+        if let Some(rectifier) = &rectifier {
+            rectifier.remark(&mut notices, &mut warnings);
+        }
         Ok(Self {
             scans: settings.scans.unwrap_or(u64::MAX),
             calibration,
-            notices: known.notices.clone(),
+            notices,
             warnings,
             kind: Kind::Cameras(known),
             rail: None,
@@ -221,10 +226,7 @@ impl Source {
 
     /// The images of a folder as the frames of one camera.
     fn folder_rail(albums: Vec<Album>, settings: &Settings) -> Result<Self, SourceError> {
-        Rectifier::refuse(
-            settings,
-            "frames of a rail are not rectified; give rectified ones, and their camera_info",
-        )?;
+        Rectifier::refuse(settings, RAIL_IS_RECTIFIED)?;
         let [album] = &albums[..] else {
             return Err(SourceError::OneScene {
                 scene: settings.source.clone(),
@@ -552,6 +554,10 @@ fn calibration(
     let warnings = unknown.into_iter().chain(distorted).collect();
     Ok((known.calibration(size), warnings))
 }
+
+/// Why a rail takes no cameras' calibration.
+const RAIL_IS_RECTIFIED: &str =
+    "frames of a rail are not rectified; give rectified ones, and their camera_info";
 
 /// The calibration for a baseline of one unit of position along a rail, and what is missing.
 fn unit_camera(

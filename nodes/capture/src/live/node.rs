@@ -11,6 +11,7 @@ use super::feed::{Feed, Frame, News, Open};
 use super::kept::{Kept, Pace};
 use super::{Way, cameras_of, opener};
 use crate::node::{CaptureError, Pause};
+use crate::rectify::Rectifier;
 use crate::synchronise::{Cause, Scan, Synchroniser};
 use crate::{Settings, SourceError};
 
@@ -33,6 +34,7 @@ pub(crate) fn run(
     let io = |error| SourceError::io(&bus.run().root)(error);
     let kept = Kept::open(&bus.run().root).map_err(io)?;
     let names: Vec<String> = bus.run().rig.views.iter().map(|v| v.name.clone()).collect();
+    let rectifier = Rectifier::open(settings, names.len(), &[bus.run().rig.size])?;
     let delivery = bus.run().delivery;
     let mut cameras = Cameras {
         images: bus.outputs(&[Kind::Image])?,
@@ -47,6 +49,7 @@ pub(crate) fn run(
         is_live: delivery == Delivery::Live,
         skip: 0,
         failed: None,
+        rectifier: rectifier.filter(|_| settings.rectify),
         motion: Motion {
             speed: settings.speed,
             start: settings.start.unwrap_or_default(),
@@ -148,6 +151,8 @@ struct Cameras {
     /// Scans of a file that went in before this process took over.
     skip: u64,
     failed: Option<String>,
+    /// Frames are kept as they came, and rectified when they go out.
+    rectifier: Option<Rectifier>,
     motion: Motion,
 }
 
@@ -328,7 +333,13 @@ impl Cameras {
             let mut loan = self.images.loan::<Image>(view as u32, NONE)?;
             let filled = {
                 let mut room = loan.room()?;
-                room.pixels.extend_from_slice(&frame.pixels);
+                match &self.rectifier {
+                    Some(rectifier) => {
+                        let out = room.pixels.grow(frame.pixels.len());
+                        rectifier.process(view, &frame.pixels, out);
+                    }
+                    None => room.pixels.extend_from_slice(&frame.pixels),
+                }
                 Filled::of::<Image>(&room)
             };
             self.images.publish(loan, &header, filled)?;
