@@ -115,6 +115,37 @@ fn a_killed_capture_loses_no_scan_that_was_let_in_and_counts_those_that_went_by(
 }
 
 #[test]
+fn a_program_that_dies_and_comes_back_is_missed_and_goes_on() {
+    let world = World::new();
+    let run = world.start(&BUS);
+    let waiting = world.waiting_run();
+    let mut first = publisher(&waiting);
+    let grown_by = |bytes: u64| {
+        let before = bytes_of(&world.path("x.mcap"));
+        wait_until("scans are recorded", || {
+            bytes_of(&world.path("x.mcap")) > before + bytes
+        });
+    };
+    grown_by(5_000_000);
+    signal(first.id(), "KILL");
+    assert!(!first.wait().unwrap().success());
+    // Longer than nobody minds.
+    std::thread::sleep(std::time::Duration::from_secs(5));
+    let mut second = publisher(&waiting);
+    // Over a second of frames: it is looked every half.
+    grown_by(40_000_000);
+    signal(run.id(), "INT");
+    let ran = Ran::new(run.wait_with_output().unwrap()).done();
+    assert!(second.wait().unwrap().success());
+    for said in ["no camera sends anything any more", "scans come again"] {
+        assert!(ran.err.contains(said), "{said}: {}", ran.err);
+    }
+    let summary = ran.json();
+    assert_eq!(summary["balanced"], true, "{summary}");
+    adds_up(&summary);
+}
+
+#[test]
 fn a_camera_that_moves_is_matched_while_it_does_and_killed_nodes_change_nothing() {
     let world = World::new();
     let rail = [

@@ -21,6 +21,8 @@ const WAITING: usize = 64;
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// How long no scan may come before it is said why.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// How long no frame came of cameras of which it is said that they send nothing: it is seen a look or two late.
+const QUIET: Duration = Duration::from_secs(2);
 /// How long to wait for news when nothing else is to be done.
 const IDLE: Duration = Duration::from_millis(500);
 
@@ -417,7 +419,7 @@ impl Watch {
         if received != self.received.0 {
             self.received = (received, now);
         }
-        let is_quiet = received > 0 && now - self.received.1 >= PATIENCE;
+        let is_quiet = received > 0 && now - self.received.1 >= QUIET;
         let why = (silent >= PATIENCE).then(|| match is_quiet {
             true => "no camera sends anything any more".to_owned(),
             false => cameras.synchroniser.why(&cameras.names),
