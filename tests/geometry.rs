@@ -142,6 +142,16 @@ fn scene(world: &World, name: &str, cameras: &[Camera]) -> PathBuf {
     folder
 }
 
+/// A rig that is tilted and distorts: its cameras, the folder of what they see, and the setting that says how they do.
+fn distorted(world: &World) -> ([Camera; 3], PathBuf, String) {
+    let cameras = rig([RADTAN, FISHEYE, RADTAN]);
+    let folder = scene(world, "scene", &cameras);
+    let calibration = world.path("camchain.yaml");
+    fs::write(&calibration, kalibr(&cameras)).unwrap();
+    let set = format!("capture.calibration={}", calibration.display());
+    (cameras, folder, set)
+}
+
 fn check(world: &World, folder: &Path, set: &[&str]) -> (Option<i32>, Value) {
     let source = folder.to_string_lossy();
     let mut arguments = vec!["check-geometry", &source, "--json"];
@@ -166,11 +176,7 @@ fn straight(view: usize) -> Camera {
 #[test]
 fn a_tilted_rig_that_distorts_gives_depths_within_half_a_percent() {
     let world = World::new();
-    let cameras = rig([RADTAN, FISHEYE, RADTAN]);
-    let folder = scene(&world, "scene", &cameras);
-    let calibration = world.path("camchain.yaml");
-    fs::write(&calibration, kalibr(&cameras)).unwrap();
-    let set = format!("capture.calibration={}", calibration.display());
+    let (cameras, folder, set) = distorted(&world);
     let (code, raw) = check(&world, &folder, &[]);
     assert_eq!(code, Some(1), "{raw}");
     let (code, mended) = check(&world, &folder, &[&set]);
@@ -246,11 +252,7 @@ fn a_tilted_rig_that_distorts_gives_depths_within_half_a_percent() {
 #[test]
 fn frames_of_live_cameras_are_rectified_as_files_are() {
     let world = World::new();
-    let cameras = rig([RADTAN, FISHEYE, RADTAN]);
-    let folder = scene(&world, "scene", &cameras);
-    let calibration = world.path("camchain.yaml");
-    fs::write(&calibration, kalibr(&cameras)).unwrap();
-    let set = format!("capture.calibration={}", calibration.display());
+    let (_, folder, set) = distorted(&world);
     let source = folder.to_string_lossy();
     let files = [
         "run",

@@ -100,12 +100,19 @@ impl World {
 
     /// Starts the program and goes on.
     pub(crate) fn start(&self, arguments: &[&str]) -> Child {
-        let child = self
-            .tricurve(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        self.start_with(arguments, Stdio::piped())
+    }
+
+    /// Starts the program, which tells what it has to tell into this file, and goes on.
+    pub(crate) fn start_telling(&self, arguments: &[&str], file: &str) -> Child {
+        let told = fs::File::create(self.path(file)).unwrap();
+        self.start_with(arguments, told.into())
+    }
+
+    fn start_with(&self, arguments: &[&str], stderr: Stdio) -> Child {
+        let mut command = self.tricurve(arguments);
+        let child = command.stdout(Stdio::piped()).stderr(stderr).spawn();
+        let child = child.unwrap();
         self.started.borrow_mut().push(child.id());
         child
     }

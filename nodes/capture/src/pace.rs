@@ -212,27 +212,15 @@ fn in_usual_steps(places: Vec<f64>) -> Option<Estimated> {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
+    use crate::motion::wave;
 
     const SIZE: Size = Size::new(320, 200);
 
-    /// Waves that no block finds twice, on a ground that lies nearer further down, from a place along a rail.
+    /// A ground that lies nearer further down, from a place along a rail.
     fn picture(place: f64) -> Vec<u8> {
-        let waves = [
-            (0.31, 0.12, 0.4),
-            (0.07, 0.43, 1.9),
-            (0.53, -0.29, 0.7),
-            (0.19, 0.22, 2.6),
-            (-0.41, 0.37, 3.1),
-            (0.23, -0.61, 5.0),
-        ];
         let pixels = (0..SIZE.pixels()).map(|pixel| {
             let (x, y) = ((pixel % 320) as f64, (pixel / 320) as f64);
-            let x = x + place * (6.0 + 0.02 * y);
-            let value: f64 = waves
-                .iter()
-                .map(|(a, b, c)| (a * x + b * y + c).sin())
-                .sum();
-            (127.0 + 20.0 * value).clamp(0.0, 255.0) as u8
+            wave(x + place * (6.0 + 0.02 * y), y)
         });
         pixels.collect()
     }
