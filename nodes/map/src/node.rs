@@ -18,6 +18,7 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     let mut fusion = bus.tuned(&settings, Fusion::new)?;
     // The frame that is to come, and the first one that all it depends on was seen before.
     let (mut next, mut whole_from) = (0, 0);
+    let mut count = 0;
     bus.ready()?;
     while let Some(frame) = bus.next_scan(&mut frames)? {
         let header = frame.header();
@@ -49,6 +50,9 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
         let filled = {
             let (mut map, mut growing) = (map.room()?, growing.room()?);
             fusion.process(points.points, header.height, &place, &mut map, &mut growing);
+            if frame.sequence >= whole_from {
+                count += map.points.len() as u64;
+            }
             (Filled::of::<Map>(&map), Filled::of::<Growing>(&growing))
         };
         if frame.sequence >= whole_from {
@@ -57,6 +61,6 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
             done.done(frame.sequence)?;
         }
     }
-    bus.finish(&[]);
+    bus.finish(&[("points", count)]);
     Ok(())
 }
