@@ -14,7 +14,7 @@ use harness::{Ran, World};
 use image::GrayImage;
 use messages::bus::FramesOut;
 use messages::recording::Recording;
-use messages::{Image, Kind, Topic};
+use messages::{Image, Kind, Raw, Topic};
 use rig::{Camera, FISHEYE, RADTAN, SIZE, axes, kalibr, rig};
 use serde_json::Value;
 
@@ -250,9 +250,10 @@ fn a_tilted_rig_that_distorts_gives_depths_within_half_a_percent() {
 }
 
 #[test]
-fn frames_of_live_cameras_are_rectified_as_files_are() {
+fn frames_of_live_cameras_are_rectified_as_files_are_and_kept_raw_when_asked_for() {
     let world = World::new();
     let (_, folder, set) = distorted(&world);
+    let set = ["--set", &set, "--set", "capture.raw=true"];
     let source = folder.to_string_lossy();
     let files = [
         "run",
@@ -263,7 +264,7 @@ fn frames_of_live_cameras_are_rectified_as_files_are() {
         "--record",
         "files.mcap",
     ];
-    world.run(&[&files[..], &["--set", &set]].concat()).done();
+    world.run(&[&files[..], &set].concat()).done();
     let live = [
         "run",
         "--source",
@@ -273,15 +274,8 @@ fn frames_of_live_cameras_are_rectified_as_files_are() {
         "--record",
         "live.mcap",
     ];
-    let size = [
-        "--set",
-        "capture.width=512",
-        "--set",
-        "capture.height=480",
-        "--set",
-        &set,
-    ];
-    let run = world.start(&[&live[..], &size].concat());
+    let size = ["--set", "capture.width=512", "--set", "capture.height=480"];
+    let run = world.start(&[&live[..], &size, &set].concat());
     let waiting = world.waiting_run();
     let mut views =
         ["left", "centre", "right"].map(|name| FramesOut::join(&waiting, name).unwrap());
@@ -313,12 +307,24 @@ fn frames_of_live_cameras_are_rectified_as_files_are() {
                 .to_vec()
         };
         let images: Vec<Vec<u8>> = topics.iter().map(read).collect();
+        let taken: Vec<Vec<u8>> = Topic::of(&rig, Kind::Raw)
+            .iter()
+            .map(|topic| {
+                let raw = recording.read::<Raw>(0, topic).unwrap();
+                raw.view().pixels.to_vec()
+            })
+            .collect();
+        assert!(taken == pictures, "as the cameras took them");
         (images, rig.calibration)
     };
     let (live, files) = (images("live.mcap"), images("files.mcap"));
     assert_eq!(live.1, files.1);
     assert!(live.0 == files.0, "the same to the byte");
     assert!(live.0[0] != pictures[0], "and not as the cameras took them");
+    // What is rectified was recorded, and is played; the raw images beside it are only looked at.
+    for file in ["files.mcap", "live.mcap"] {
+        world.run(&["replay", file, "--verify"]).done();
+    }
 }
 
 #[test]

@@ -39,8 +39,8 @@ pub use payload::{
     DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom,
     EvaluationView, Growing, GrowingRoom, GrowingView, Image, ImageRoom, ImageView, List, Map,
     MapPoint, MapRoom, MapView, Match, MatchPoint, Matches, MatchesRoom, MatchesView, Message,
-    Owned, Point, Points, PointsRoom, PointsView, Rejected, Score, Section, Share, Table, Tables,
-    TablesRoom, TablesView, Truth, TruthRoom, TruthView,
+    Owned, Point, Points, PointsRoom, PointsView, Raw, RawRoom, RawView, Rejected, Score, Section,
+    Share, Table, Tables, TablesRoom, TablesView, Truth, TruthRoom, TruthView,
 };
 pub use reason::Reason;
 pub use rig::{Delivery, Rail, Reference, Rig, View};

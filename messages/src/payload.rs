@@ -546,8 +546,16 @@ macro_rules! message {
 }
 
 message! {
-    /// A view as taken: 8 bit gray, row by row without gaps.
+    /// A view: 8 bit gray, row by row without gaps; as taken, or rectified where a calibration says how.
     Image, ImageView, ImageRoom {
+        /// `height` rows of `width` pixels.
+        pixels: u8 = |size| size.pixels(),
+    }
+}
+
+message! {
+    /// A view as its camera took it, beside the rectified one: 8 bit gray, row by row without gaps.
+    Raw, RawView, RawRoom {
         /// `height` rows of `width` pixels.
         pixels: u8 = |size| size.pixels(),
     }
@@ -716,6 +724,7 @@ macro_rules! any_view {
 
 any_view! {
     Image(ImageView)
+    Raw(RawView)
     Truth(TruthView)
     Edges(EdgesView)
     Curves(CurvesView)
@@ -736,6 +745,7 @@ impl AnyView<'_> {
             Self::Tables(tables) => tables.is_sound(usize::MAX),
             Self::Matches(matches) => matches.is_sound(),
             Self::Image(_)
+            | Self::Raw(_)
             | Self::Truth(_)
             | Self::Edges(_)
             | Self::Disparity(_)

@@ -75,8 +75,10 @@ impl Stage {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// Frames, one topic a view.
+    /// Frames, one topic a view; rectified, where a calibration says how.
     Image,
+    /// Frames as the cameras took them, one topic a view, where they are asked for beside rectified ones.
+    Raw,
     /// True disparities of the reference view, one topic, where the source knows them.
     Truth,
     /// Zero-crossings, one topic a view and channel.
@@ -101,8 +103,9 @@ pub enum Kind {
 
 impl Kind {
     /// All of them, in the order a scan makes them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Image,
+        Self::Raw,
         Self::Truth,
         Self::Edges,
         Self::Curves,
@@ -118,7 +121,7 @@ impl Kind {
     /// The stage that publishes it.
     pub const fn stage(self) -> Stage {
         match self {
-            Self::Image | Self::Truth => Stage::Capture,
+            Self::Image | Self::Raw | Self::Truth => Stage::Capture,
             Self::Edges => Stage::Filter,
             Self::Curves => Stage::Track,
             Self::Tables => Stage::Hough,
@@ -132,7 +135,7 @@ impl Kind {
     pub const fn is_per_view(self) -> bool {
         matches!(
             self,
-            Self::Image | Self::Edges | Self::Curves | Self::Tables
+            Self::Image | Self::Raw | Self::Edges | Self::Curves | Self::Tables
         )
     }
 
@@ -148,6 +151,7 @@ impl Kind {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Image => "image",
+            Self::Raw => "image_raw",
             Self::Truth => "truth",
             Self::Edges => "edges",
             Self::Curves => "curves",
@@ -178,7 +182,9 @@ pub struct Topic {
 impl Topic {
     fn new(rig: &Rig, kind: Kind, view: u32, channel: u32) -> Self {
         let mut name = match kind {
-            Kind::Image => format!("camera/{}/image", rig.views[view as usize].name),
+            Kind::Image | Kind::Raw => {
+                format!("camera/{}/{}", rig.views[view as usize].name, kind.name())
+            }
             Kind::Edges | Kind::Curves | Kind::Tables => {
                 format!("{}/{}", kind.name(), rig.views[view as usize].name)
             }
@@ -236,9 +242,10 @@ mod tests {
     fn topics_are_named_by_kind_view_and_channel() {
         let rig = Rig::of_views(3, &[30.0, 1.5], Size::new(64, 64));
         let names: Vec<String> = Topic::all(&rig).into_iter().map(|t| t.name).collect();
-        assert_eq!(names.len(), 3 + 3 * 6 + 2 + 4, "a rig has no map");
+        assert_eq!(names.len(), 2 * 3 + 3 * 6 + 2 + 4, "a rig has no map");
         for name in [
             "camera/left/image",
+            "camera/left/image_raw",
             "edges/centre/30",
             "tables/right/1.5",
             "matches/30",

@@ -9,8 +9,8 @@ use messages::payload::SECTIONS;
 use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Said, Shown, Span, Views};
 use messages::{
     AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Evaluation,
-    Growing, Header, Image, Kind, List, Map, Match, Matches, NONE, Owned, Points, Rail, Reason,
-    Rejected, Rig, Size, Table, Tables, Topic, Truth,
+    Growing, Header, Image, Kind, List, Map, Match, Matches, NONE, Owned, Points, Rail, Raw,
+    Reason, Rejected, Rig, Size, Table, Tables, Topic, Truth,
 };
 
 /// Numbers that look random and never change.
@@ -70,6 +70,7 @@ macro_rules! sample {
 
 sample! {
     Image { pixels } |_| {};
+    Raw { pixels } |_| {};
     Edges { edges } |_| {};
     Curves { curves points } |room| {
         let points = room.points.len() as u32;
@@ -99,7 +100,12 @@ fn sample<M: Sample>(random: &mut Random, topic: &Topic, size: Size, full: bool)
     let rig = rig();
     let mut message = Owned::<M>::new(rig.size);
     let mut lens = M::capacities(size);
-    if !full && !matches!(M::KIND, Kind::Image | Kind::Truth | Kind::Disparity) {
+    if !full
+        && !matches!(
+            M::KIND,
+            Kind::Image | Kind::Raw | Kind::Truth | Kind::Disparity
+        )
+    {
         lens = lens.map(|most| random.below(most + 1));
     }
     message.fill(|room| M::fill(random, lens, room));
@@ -175,6 +181,7 @@ macro_rules! for_every_topic {
             }
             match $topic.kind {
                 Kind::Image => with!(Image),
+                Kind::Raw => with!(Raw),
                 Kind::Edges => with!(Edges),
                 Kind::Curves => with!(Curves),
                 Kind::Tables => with!(Tables),

@@ -6,8 +6,7 @@
 use libfuzzer_sys::fuzz_target;
 use messages::record::{Codec, Recorded, Said};
 use messages::{
-    Curves, Disparity, Edges, Evaluation, Image, Kind, Matches, Points, Rig, Size, Tables, Topic,
-    Truth,
+    Curves, Disparity, Edges, Evaluation, Growing, Image, Kind, Map, Matches, Points, Rail, Raw, Rig, Size, Stage, Tables, Topic, Truth,
 };
 
 fn decode<M: Recorded>(codec: &Codec, topic: &Topic, bytes: &[u8], beside: &[u8]) {
@@ -21,19 +20,26 @@ fuzz_target!(|data: &[u8]| {
     let [kind, split, bytes @ ..] = data else {
         return;
     };
-    let rig = Rig::of_views(3, &[4.0], Size::new(16, 12));
+    let size = Size::new(16, 12);
     let kind = Kind::ALL[usize::from(*kind) % Kind::ALL.len()];
+    let rig = match kind.stage() {
+        Stage::Map => Rig::of_rail(Rail::default(), &[4.0], size),
+        _ => Rig::of_views(3, &[4.0], size),
+    };
     let topic = Topic::of(&rig, kind).swap_remove(0);
     let codec = Codec::new(rig, 0);
     let (bytes, beside) = bytes.split_at(usize::from(*split).min(bytes.len()));
     match kind {
         Kind::Image => decode::<Image>(&codec, &topic, bytes, beside),
+        Kind::Raw => decode::<Raw>(&codec, &topic, bytes, beside),
         Kind::Edges => decode::<Edges>(&codec, &topic, bytes, beside),
         Kind::Curves => decode::<Curves>(&codec, &topic, bytes, beside),
         Kind::Tables => decode::<Tables>(&codec, &topic, bytes, beside),
         Kind::Matches => decode::<Matches>(&codec, &topic, bytes, beside),
         Kind::Disparity => decode::<Disparity>(&codec, &topic, bytes, beside),
         Kind::Points => decode::<Points>(&codec, &topic, bytes, beside),
+        Kind::Map => decode::<Map>(&codec, &topic, bytes, beside),
+        Kind::Growing => decode::<Growing>(&codec, &topic, bytes, beside),
         Kind::Truth => decode::<Truth>(&codec, &topic, bytes, beside),
         Kind::Evaluation => decode::<Evaluation>(&codec, &topic, bytes, beside),
     }

@@ -12,8 +12,8 @@ use crate::header::{Header, NONE, Size};
 use crate::payload::{
     AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edge, Edges, EdgesRoom,
     EdgesView, Entry, Evaluation, EvaluationRoom, Growing, GrowingRoom, Image, ImageRoom, List,
-    Map, MapRoom, Matches, MatchesRoom, MatchesView, Message, Owned, Points, PointsRoom, Tables,
-    TablesRoom, TablesView, Truth, TruthRoom,
+    Map, MapRoom, Matches, MatchesRoom, MatchesView, Message, Owned, Points, PointsRoom, Raw,
+    RawRoom, Tables, TablesRoom, TablesView, Truth, TruthRoom,
 };
 use crate::rig::Rail;
 use crate::topic::{Kind, Topic};
@@ -77,6 +77,7 @@ impl Codec {
         };
         match view {
             AnyView::Image(image) => raw_image(&head, "mono8", image.pixels, out),
+            AnyView::Raw(image) => raw_image(&head, "mono8", image.pixels, out),
             AnyView::Edges(edges) => cloud(&head, edges.edges, out),
             AnyView::Curves(curves) => {
                 curves_message(&head, curves, beside.edges, &mut self.finder, out);
@@ -273,6 +274,21 @@ impl Recorded for Image {
         most: Size,
         _: Others<'_, 'a>,
         room: &mut ImageRoom<'_>,
+    ) -> Result<Size, DecodeError> {
+        read_raw_image(bytes, most, "mono8", &mut room.pixels)
+    }
+
+    fn is_sound(_: Self::View<'_>) -> bool {
+        true
+    }
+}
+
+impl Recorded for Raw {
+    fn read<'a>(
+        bytes: &'a [u8],
+        most: Size,
+        _: Others<'_, 'a>,
+        room: &mut RawRoom<'_>,
     ) -> Result<Size, DecodeError> {
         read_raw_image(bytes, most, "mono8", &mut room.pixels)
     }

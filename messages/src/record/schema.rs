@@ -37,7 +37,7 @@ impl Schema {
     /// The schema of a kind of data.
     pub fn of(kind: Kind) -> Self {
         match kind {
-            Kind::Image | Kind::Truth | Kind::Disparity => Self::image(),
+            Kind::Image | Kind::Raw | Kind::Truth | Kind::Disparity => Self::image(),
             Kind::Edges | Kind::Points | Kind::Map | Kind::Growing => Self::cloud(),
             Kind::Curves => Self::own("Curves"),
             Kind::Tables => Self::own("Tables"),

@@ -70,7 +70,9 @@ impl Statistics {
         let milliseconds = header.elapsed_nanos as f64 / 1e6;
         let spent = &mut self.milliseconds;
         match view {
-            AnyView::Image(_) | AnyView::Truth(_) => spent.capture += milliseconds,
+            AnyView::Image(_) | AnyView::Raw(_) | AnyView::Truth(_) => {
+                spent.capture += milliseconds;
+            }
             AnyView::Map(map) => {
                 spent.map += milliseconds;
                 self.settled = Some(map.points.len() as u64);

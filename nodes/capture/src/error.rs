@@ -274,6 +274,12 @@ pub enum SourceError {
     )]
     SpeedOfFiles,
 
+    /// Raw images are asked for where no others are published.
+    #[error(
+        "capture.raw is set and images are not rectified: they are published as they were taken; set capture.calibration, or leave capture.raw away"
+    )]
+    NothingRectified,
+
     /// A file of positions for a camera.
     #[error(
         "capture.positions is of files; of a camera set capture.speed, or publish positions with its frames (camera:bus, FramesOut::send_at)"
@@ -394,6 +400,7 @@ impl SourceError {
                 | Self::NoPositions
                 | Self::NoStep
                 | Self::SpeedOfFiles
+                | Self::NothingRectified
                 | Self::PositionsOfCamera
                 | Self::OneCamera { .. }
                 | Self::UnknownWay { .. }

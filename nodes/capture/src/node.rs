@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use messages::bus::{Bus, BusError, Filled, Gate, Loan, Outputs, Play, Playing, Request, Start};
 use messages::door::UnderWay;
-use messages::{Delivery, Header, Image, NONE, Rig};
+use messages::{Delivery, Header, Image, NONE, Raw, Rig};
 
 use crate::live::{self, Way};
 use crate::{Settings, Source, SourceError};
@@ -172,6 +172,8 @@ struct Capture {
 /// The messages of one scan, read but not sent: a scan goes out whole or not at all.
 struct Loans {
     images: Vec<(Loan<Image>, Filled, Header)>,
+    /// As they were taken, where that is asked for.
+    raw: Vec<(Loan<Raw>, Filled, Header)>,
     truth: Option<(Loan<messages::Truth>, Filled, Header)>,
 }
 
@@ -183,6 +185,7 @@ impl Capture {
     fn read(&mut self, tick: u64) -> Result<Loans, CaptureError> {
         let nanos = self.settings.nanos(self.start_nanos, tick);
         let mut images = Vec::with_capacity(self.rig.views.len());
+        let mut raw = Vec::new();
         for view in 0..self.rig.views.len() {
             let mut loan = self.images.loan::<Image>(view as u32, NONE)?;
             let (size, filled) = {
@@ -198,12 +201,21 @@ impl Capture {
                 ..Header::new(0, nanos, size)
             };
             images.push((loan, filled, header));
+            if self.settings.raw {
+                let mut loan = self.images.loan::<Raw>(view as u32, NONE)?;
+                let filled = {
+                    let mut room = loan.room()?;
+                    self.source.read_raw(tick, view, &mut room)?;
+                    Filled::of::<Raw>(&room)
+                };
+                raw.push((loan, filled, header));
+            }
         }
         let truth = match self.settings.truth {
             Some(view) => Some(self.read_truth(tick, view, nanos)?),
             None => None,
         };
-        Ok(Loans { images, truth })
+        Ok(Loans { images, raw, truth })
     }
 
     /// Writes the truth of a scan into shared memory: NaN everywhere when nothing is known.
@@ -245,6 +257,9 @@ impl Capture {
             ..header
         };
         for (loan, filled, header) in loans.images {
+            self.images.publish(loan, &numbered(header), filled)?;
+        }
+        for (loan, filled, header) in loans.raw {
             self.images.publish(loan, &numbered(header), filled)?;
         }
         if let Some((loan, filled, header)) = loans.truth {

@@ -182,6 +182,10 @@ impl Rectifier {
         views: usize,
         sizes: &[Size],
     ) -> Result<Option<Self>, SourceError> {
+        let is_rectified = settings.calibration.is_some() && settings.rectify;
+        if settings.raw && !is_rectified {
+            return Err(SourceError::NothingRectified);
+        }
         match (&settings.calibration, &settings.camera_info) {
             (None, _) => Ok(None),
             (Some(files), None) => Self::read(files, views, sizes).map(Some),
@@ -195,6 +199,7 @@ impl Rectifier {
     /// Refuses a calibration for a source that is not rectified here, and says why.
     pub(crate) fn refuse(settings: &Settings, why: &str) -> Result<(), SourceError> {
         match &settings.calibration {
+            None if settings.raw => Err(SourceError::NothingRectified),
             None => Ok(()),
             Some(files) => Err(SourceError::CameraInfo {
                 path: files.into(),
@@ -241,7 +246,8 @@ impl Rectifier {
             focal_px: Some(focal_px),
             cx: Some(cx),
             cy: Some(cy),
-            baseline_m: Some(baseline_m),
+            // One camera has none by itself.
+            baseline_m: (self.maps.len() > 1).then_some(baseline_m),
             is_distorted: false,
         }
     }
@@ -260,10 +266,13 @@ impl Rectifier {
             }
         }
     }
+}
 
-    /// Makes the rectified image of a view.
-    pub(crate) fn process(&self, view: usize, source: &[u8], out: &mut [u8]) {
-        self.maps[view].process(source, out);
+/// Makes the image of a view from what its camera took: rectified, where it is to be.
+pub(crate) fn show(rectifier: Option<&Rectifier>, view: usize, taken: &[u8], out: &mut [u8]) {
+    match rectifier {
+        Some(rectifier) => rectifier.maps[view].process(taken, out),
+        None => out.copy_from_slice(taken),
     }
 }
 

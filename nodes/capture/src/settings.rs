@@ -128,6 +128,8 @@ messages::settings! {
         pub calibration: Option<String> = None;
         /// Whether views are rectified where `calibration` is set; false shows them as they were taken.
         pub rectify: bool = true;
+        /// Whether images are published as they were taken too, beside the rectified ones, as `camera/…/image_raw`.
+        pub raw: bool = false;
         /// The chosen view whose true disparities are published, counted from 0, where the source knows them; set to the
         /// reference view where results are evaluated.
         pub truth: Option<usize> = None, in 0..=1000000;
@@ -150,8 +152,9 @@ impl Settings {
 
     /// The kinds of message that are published.
     pub fn makes(&self) -> Vec<Kind> {
+        let raw = self.raw.then_some(Kind::Raw);
         let truth = self.truth.map(|_| Kind::Truth);
-        [Kind::Image].into_iter().chain(truth).collect()
+        [Kind::Image].into_iter().chain(raw).chain(truth).collect()
     }
 
     /// When a scan is taken, in nanoseconds since 1970, in a run that starts at `start`.

@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::Path;
 
 use messages::settings::{self, Settings as _};
-use messages::{Calibration, ImageRoom, Size};
+use messages::{Calibration, ImageRoom, RawRoom, Size};
 
 use crate::camera_info::{self, Known};
 use crate::error::SourceError;
@@ -14,7 +14,7 @@ use crate::image_file;
 #[cfg(feature = "node")]
 use crate::live;
 use crate::rail::{Passed, Rail};
-use crate::rectify::Rectifier;
+use crate::rectify::{Rectifier, show};
 use crate::scene::{self, Object, Rendered};
 use crate::sensor::Sensor;
 use crate::settings::{Mode, Settings};
@@ -157,9 +157,6 @@ impl Source {
 
     #[cfg(feature = "node")]
     fn cameras(known: live::Known, settings: &Settings) -> Result<Self, SourceError> {
-        if known.rail.is_some() {
-            Rectifier::refuse(settings, RAIL_IS_RECTIFIED)?;
-        }
         let rectifier = Rectifier::open(settings, known.views.len(), &[known.size])?;
         let of_rectified = rectifier.as_ref().map(Rectifier::known).unwrap_or_default();
         let own = match known.rail {
@@ -226,7 +223,6 @@ impl Source {
 
     /// The images of a folder as the frames of one camera.
     fn folder_rail(albums: Vec<Album>, settings: &Settings) -> Result<Self, SourceError> {
-        Rectifier::refuse(settings, RAIL_IS_RECTIFIED)?;
         let [album] = &albums[..] else {
             return Err(SourceError::OneScene {
                 scene: settings.source.clone(),
@@ -239,17 +235,30 @@ impl Source {
             is_described: album.is_described,
         };
         let size = album.size;
-        let camera = |in_metres| unit_camera(settings, in_metres, Known::default(), size);
+        let rectifier = Rectifier::open(settings, 1, &[size])?;
+        let own = rectifier.as_ref().map(Rectifier::known);
+        let camera = |in_metres| unit_camera(settings, in_metres, own.unwrap_or_default(), size);
+        let (mut notices, mut warnings) = (notices(&albums), Vec::new());
+        if let Some(rectifier) = &rectifier {
+            rectifier.remark(&mut notices, &mut warnings);
+        }
+        let rectifier = rectifier.filter(|_| settings.rectify);
         let mut kept = Kept::default();
-        let pixels = |view| Ok(kept.pixels(&albums, 0, view, None)?.to_vec());
+        let pixels = |frame| {
+            let taken = kept.pixels(&albums, 0, frame, None)?;
+            let mut pixels = vec![0; taken.len()];
+            show(rectifier.as_ref(), 0, taken, &mut pixels);
+            Ok(pixels)
+        };
         let rail = Rail::new(settings, passed, size, camera, pixels)?;
-        let said = notices(&albums).into_iter();
+        notices.extend_from_slice(&rail.notices);
+        warnings.extend_from_slice(&rail.warnings);
         Ok(Self {
             scans: settings.scans.unwrap_or(rail.order.len() as u64),
             calibration: Some(rail.calibration),
-            rectifier: None,
-            notices: said.chain(rail.notices.iter().cloned()).collect(),
-            warnings: rail.warnings.clone(),
+            rectifier,
+            notices,
+            warnings,
             rail: Some(rail),
             kind: Kind::Folders { albums, kept },
         })
@@ -401,14 +410,14 @@ impl Source {
         out: &mut ImageRoom<'_>,
     ) -> Result<Size, SourceError> {
         out.clear();
-        let (shown, view) = self.place(scan, view);
+        let (shown, shot) = self.place(scan, view);
         match &mut self.kind {
             Kind::Rendered { scenes, sensor } => {
                 let scene = &scenes[shown];
-                let position = scene.positions[view];
+                let position = scene.positions[shot];
                 let room = out.pixels.grow(scene::SIZE.pixels());
                 sensor.expose(
-                    scene.picture(view),
+                    scene.picture(shot),
                     scene::SIZE.width as usize,
                     scan,
                     position.into(),
@@ -417,15 +426,38 @@ impl Source {
                 Ok(scene::SIZE)
             }
             Kind::Folders { albums, kept } => {
-                let pixels = kept.pixels(albums, shown, view, Some(scan))?;
-                match &self.rectifier {
-                    Some(rectifier) => {
-                        rectifier.process(view, pixels, out.pixels.grow(pixels.len()));
-                    }
-                    None => out.pixels.extend_from_slice(pixels),
-                }
+                let taken = kept.pixels(albums, shown, shot, Some(scan))?;
+                let out = out.pixels.grow(taken.len());
+                show(self.rectifier.as_ref(), view, taken, out);
                 Ok(albums[shown].size)
             }
+            #[cfg(feature = "node")]
+            Kind::Cameras(_) => Err(SourceError::SentOnce),
+        }
+    }
+
+    /// Writes a chosen view of a scan into the room as its camera took it, where [`read`](Self::read) rectifies it.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); and of a source whose views are not rectified.
+    ///
+    /// # Panics
+    /// When there is no such view.
+    pub fn read_raw(
+        &mut self,
+        scan: u64,
+        view: usize,
+        out: &mut RawRoom<'_>,
+    ) -> Result<Size, SourceError> {
+        out.clear();
+        let (shown, shot) = self.place(scan, view);
+        match &mut self.kind {
+            Kind::Folders { albums, kept } => {
+                let taken = kept.pixels(albums, shown, shot, Some(scan))?;
+                out.pixels.extend_from_slice(taken);
+                Ok(albums[shown].size)
+            }
+            Kind::Rendered { .. } => Err(SourceError::NothingRectified),
             #[cfg(feature = "node")]
             Kind::Cameras(_) => Err(SourceError::SentOnce),
         }
@@ -554,10 +586,6 @@ fn calibration(
     let warnings = unknown.into_iter().chain(distorted).collect();
     Ok((known.calibration(size), warnings))
 }
-
-/// Why a rail takes no cameras' calibration.
-const RAIL_IS_RECTIFIED: &str =
-    "frames of a rail are not rectified; give rectified ones, and their camera_info";
 
 /// The calibration for a baseline of one unit of position along a rail, and what is missing.
 fn unit_camera(

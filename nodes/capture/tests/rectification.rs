@@ -6,10 +6,10 @@ mod rig;
 use std::fmt::Write as _;
 use std::fs;
 
-use capture::{Settings, Source};
+use capture::{Mode, Settings, Source};
 use glam::{DMat3, DVec2, DVec3};
 use image::GrayImage;
-use messages::{Image, Owned};
+use messages::{Image, Owned, Raw};
 use rig::{BOB, Camera, FISHEYE, Lens, RADTAN, RATIONAL, SIZE, STEP, axes, kalibr, list, rig};
 use tempfile::TempDir;
 
@@ -305,6 +305,107 @@ fn without_rectification_the_same_rows_are_far_apart() {
     assert_eq!(image.view().pixels, picture(&bench.rig[1]).as_raw());
     let [a, b] = [0, 1].map(|view| bench.rig[view].sees(points()[60]));
     assert!((a.y - b.y).abs() > 20.0, "{a} {b}");
+}
+
+#[test]
+fn one_camera_along_a_rail_is_rectified_by_its_own_calibration() {
+    for lens in [RADTAN, FISHEYE, RATIONAL] {
+        let mut bench = Bench::new([lens; 3]);
+        let frames: Vec<Camera> = (0..5)
+            .map(|frame| Camera {
+                turn: DMat3::IDENTITY,
+                place: DVec3::X * STEP * (f64::from(frame) - 1.0),
+                ..bench.rig[0]
+            })
+            .collect();
+        fs::create_dir(bench.folder.path().join("rail")).unwrap();
+        for (frame, camera) in frames.iter().enumerate() {
+            let path = bench.folder.path().join(format!("rail/{frame}.png"));
+            picture(camera).save(path).unwrap();
+        }
+        let millimetres = (0..5).map(|frame| format!("{}\n", f64::from(frame) * STEP * 1e3));
+        let positions: String = std::iter::once("position_mm\n".to_owned())
+            .chain(millimetres)
+            .collect();
+        bench.rig[0] = frames[0];
+        let (kalibr, ros) = (kalibr(&bench.rig[..1]), bench.ros().swap_remove(0));
+        // A file of one camera may have a projection of pixels that are not square.
+        let ros = ros.replace("[640.0, 0.0, 255.0", "[633.0, 0.0, 255.0");
+        let is_known_to_kalibr = lens != RATIONAL;
+        let files = [ros]
+            .into_iter()
+            .chain(is_known_to_kalibr.then_some(kalibr));
+        for file in files {
+            let settings = Settings {
+                source: bench.folder.path().join("rail").display().to_string(),
+                mode: Mode::Rail,
+                positions: Some(bench.write("positions.csv", &positions)),
+                stride: Some(1),
+                drift: Some(0.0),
+                raw: true,
+                ..bench.settings(&[file])
+            };
+            let mut source = Source::open(&settings).unwrap();
+            assert!(source.warnings().is_empty(), "{:?}", source.warnings());
+            let calibration = source.calibration().unwrap();
+            assert!((calibration.baseline_m - STEP).abs() < 1e-9);
+            let middle = DVec2::new(calibration.cx, calibration.cy);
+            let mut dots = 0;
+            for (frame, camera) in (0..).zip(&frames) {
+                let (mut image, mut raw) = (Owned::<Image>::new(SIZE), Owned::<Raw>::new(SIZE));
+                image.fill(|room| source.read(frame, 0, room)).unwrap();
+                raw.fill(|room| source.read_raw(frame, 0, room)).unwrap();
+                assert_eq!(raw.view().pixels, picture(camera).as_raw());
+                let place = |point: DVec3| {
+                    let own = point - camera.place;
+                    middle + own.truncate() / own.z * calibration.focal_px
+                };
+                let expected: Vec<DVec2> = points().into_iter().map(place).collect();
+                // From the side some dots lie on others.
+                let is_alone = |at: &&DVec2| {
+                    let near = expected.iter().filter(|other| at.distance(**other) < 24.0);
+                    near.count() == 1
+                };
+                for &expected in expected.iter().filter(is_alone) {
+                    if let Some(found) = dot(image.view().pixels, expected) {
+                        let off = (found - expected).length();
+                        assert!(off < 0.1, "{off} px at {expected}");
+                        dots += 1;
+                    }
+                }
+            }
+            assert!(dots > 300, "{dots} dots");
+        }
+    }
+}
+
+#[test]
+fn raw_images_are_asked_for_only_beside_rectified_ones() {
+    let bench = Bench::new([RADTAN; 3]);
+    let asked = Settings {
+        raw: true,
+        ..bench.settings(&[bench.kalibr()])
+    };
+    assert!(Source::open(&asked).is_ok());
+    let unrectified = [
+        Settings {
+            calibration: None,
+            ..asked.clone()
+        },
+        Settings {
+            rectify: false,
+            ..asked.clone()
+        },
+        Settings {
+            source: "scene:tab".to_owned(),
+            calibration: None,
+            ..asked
+        },
+    ];
+    for settings in unrectified {
+        let sentence = Source::open(&settings).unwrap_err().to_string();
+        assert!(sentence.starts_with("capture.raw is set and images are not rectified"));
+    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Recording, Scan};
 use messages::{
     Curves, CurvesView, Disparity, Edges, Evaluation, Growing, Header, Image, Kind, Map, Matches,
-    Points, Tables, Topic, Truth,
+    Points, Raw, Tables, Topic, Truth,
 };
 
 use crate::{Clock, Selection, SelectionError, Settings};
@@ -183,6 +183,7 @@ impl Replay {
         for topic in topics {
             match topic.kind {
                 Kind::Image => self.publish::<Image>(topic, under_way, scan)?,
+                Kind::Raw => self.publish::<Raw>(topic, under_way, scan)?,
                 Kind::Edges => self.publish::<Edges>(topic, under_way, scan)?,
                 Kind::Curves => {
                     let tables = of(Kind::Tables, topic);

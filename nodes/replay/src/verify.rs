@@ -15,7 +15,7 @@ use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Scan};
 use messages::{
     AnyView, Curves, Difference, Disparity, Edges, Evaluation, Growing, Header, Image, Kind, Map,
-    Matches, Points, Stage, Tables, Topic, Truth,
+    Matches, Points, Raw, Stage, Tables, Topic, Truth,
 };
 use serde::{Deserialize, Serialize};
 
@@ -89,6 +89,7 @@ impl Findings {
         let scan = recorded.sequence;
         let trouble = match topic.kind {
             Kind::Image => compare::<Image>(codec, recorded, topic, header, computed),
+            Kind::Raw => compare::<Raw>(codec, recorded, topic, header, computed),
             Kind::Edges => compare::<Edges>(codec, recorded, topic, header, computed),
             Kind::Curves => compare::<Curves>(codec, recorded, topic, header, computed),
             Kind::Tables => compare::<Tables>(codec, recorded, topic, header, computed),

@@ -33,6 +33,9 @@ impl Geometry {
     pub(crate) fn of(mounted: &[Mounted], size: Size) -> Result<Self, Why> {
         let focals = mounted.iter().flat_map(|one| one.camera.focal);
         let own_focal_px = focals.sum::<f64>() / (2 * mounted.len()) as f64;
+        if let [one] = mounted {
+            return Self::of_one(one, own_focal_px, size);
+        }
         let posed = mounted.iter().filter_map(|one| match one.mount {
             Mount::Posed { turn, centre_m } => Some((turn, centre_m)),
             Mount::Rectified { .. } => None,
@@ -60,6 +63,22 @@ impl Geometry {
             ));
         }
         Ok(geometry)
+    }
+
+    /// The geometry of one camera that moves along a rail. How it is turned against its way no file says: it keeps its axes,
+    /// and only its lens is made straight.
+    fn of_one(one: &Mounted, own_focal_px: f64, size: Size) -> Result<Self, Why> {
+        let turns = vec![DMat3::IDENTITY];
+        let window = Window::shared(std::slice::from_ref(one), &turns, size, own_focal_px)
+            .ok_or("its camera sees nothing in the middle of its images")?;
+        let (focal_px, [cx, cy]) = window.projection(own_focal_px, size);
+        Ok(Self {
+            calibration: calibration(focal_px, cx, cy, &[0.0]),
+            turns,
+            places_m: vec![0.0],
+            off_line_m: 0.0,
+            own_focal_px,
+        })
     }
 
     /// The rectification that the calibration tool has made.
@@ -134,16 +153,9 @@ impl Geometry {
         let off_line_m = posed.iter().map(|(_, c)| off(*c)).fold(0.0, f64::max);
         let window = Window::shared(mounted, &turns, size, own_focal_px)
             .ok_or("its cameras see nothing in common")?;
-        // As fine as the cameras see in the middle, or finer where pixels would lie outside of what they see.
-        let focal_px = window.focal_px.max(own_focal_px);
-        let [width, height] = middle_of(size);
+        let (focal_px, [cx, cy]) = window.projection(own_focal_px, size);
         Ok(Self {
-            calibration: calibration(
-                focal_px,
-                width - focal_px * window.middle.x,
-                height - focal_px * window.middle.y,
-                &places_m,
-            ),
+            calibration: calibration(focal_px, cx, cy, &places_m),
             turns,
             places_m,
             off_line_m,
@@ -176,6 +188,13 @@ impl Geometry {
             baseline_m,
             ..
         } = self.calibration;
+        if self.turns.len() == 1 {
+            notices.push(format!(
+                "frames are rectified: focal length {focal_px:.1} px (the camera's {:.1})",
+                self.own_focal_px
+            ));
+            return;
+        }
         notices.push(format!(
             "views are rectified: focal length {focal_px:.1} px (the cameras' {:.1}), steps of {:.2} mm, equal within {:.2} %, centres within {:.2} mm of their line",
             self.own_focal_px,
@@ -302,5 +321,13 @@ impl Window {
             middle,
             focal_px: focal,
         })
+    }
+
+    /// Focal length and principal point of pictures that show it: as fine as the cameras see in the middle, or finer where
+    /// pixels would lie outside of what they see.
+    fn projection(&self, own_focal_px: f64, size: Size) -> (f64, [f64; 2]) {
+        let focal_px = self.focal_px.max(own_focal_px);
+        let [cx, cy] = (DVec2::from(middle_of(size)) - focal_px * self.middle).to_array();
+        (focal_px, [cx, cy])
     }
 }

@@ -109,9 +109,13 @@ fn check(mounted: &[Mounted], views: usize, sizes: &[Size]) -> Result<(), Why> {
     let names: Vec<&str> = mounted.iter().map(|one| one.name.as_str()).collect();
     if mounted.len() != views {
         return Err(format!(
-            "it describes {} ({}), and there are {views} views; it must describe one camera a view, left to right",
+            "it describes {} ({}), and there {}; it must describe one camera a view, left to right",
             counted(mounted.len(), "camera"),
-            names.join(", ")
+            names.join(", "),
+            match views {
+                1 => "is one view, of a camera that moves".to_owned(),
+                _ => format!("are {views} views"),
+            }
         ));
     }
     for Mounted { name, camera, .. } in mounted {

@@ -1,5 +1,6 @@
 //! ROS `camera_info` files, one a view: K, D, R and P as `image_proc` uses them.
 
+use glam::{DMat3, DVec3};
 use serde_json::Value;
 
 use super::{Camera, Lens, Mount, Mounted, Why, numbers, numbers_of, pinhole, rotation, size};
@@ -11,13 +12,15 @@ pub(super) fn cameras(files: &[&Value]) -> Result<Vec<Mounted>, Why> {
             Some(name) => format!("camera {name}"),
             None => format!("camera {view}"),
         };
-        let one = camera(file, &name).map_err(|why| format!("{why} (file {view})"))?;
+        let is_alone = files.len() == 1;
+        let one = camera(file, &name, is_alone).map_err(|why| format!("{why} (file {view})"))?;
         mounted.push(one);
     }
     Ok(mounted)
 }
 
-fn camera(file: &Value, name: &str) -> Result<Mounted, Why> {
+/// One camera; of one that is alone R and P say nothing, and P need not be of square pixels.
+fn camera(file: &Value, name: &str, is_alone: bool) -> Result<Mounted, Why> {
     let missing = |key: &str| format!("the key {key} of a ROS camera_info file is missing");
     let side = |key: &str| file.get(key).ok_or_else(|| missing(key));
     let size = size(side("image_width")?, side("image_height")?)
@@ -34,6 +37,14 @@ fn camera(file: &Value, name: &str) -> Result<Mounted, Why> {
         _ => "plumb_bob",
     });
     let lens = Lens::of_model(model, &coefficients).map_err(|why| format!("{name} {why}"))?;
+    let camera = Camera::new(Some(size), focal, centre, lens);
+    if is_alone {
+        return Ok(Mounted {
+            name: name.to_owned(),
+            camera,
+            mount: Mount::from_first(DMat3::IDENTITY, DVec3::ZERO),
+        });
+    }
     let key = "rectification_matrix";
     let turn = numbers_of::<9>(file, key)?.unwrap_or([1., 0., 0., 0., 1., 0., 0., 0., 1.]);
     let turn = rotation(name, key, turn)?;
@@ -41,7 +52,7 @@ fn camera(file: &Value, name: &str) -> Result<Mounted, Why> {
     let projection = numbers_of::<12>(file, key)?.ok_or_else(|| missing(key))?;
     Ok(Mounted {
         name: name.to_owned(),
-        camera: Camera::new(Some(size), focal, centre, lens),
+        camera,
         mount: rectified(name, key, turn, projection)?,
     })
 }
@@ -51,7 +62,7 @@ fn camera(file: &Value, name: &str) -> Result<Mounted, Why> {
 pub(super) fn rectified(
     name: &str,
     key: &str,
-    turn: glam::DMat3,
+    turn: DMat3,
     projection: [f64; 12],
 ) -> Result<Mount, Why> {
     let [fx, _, cx, shift, _, fy, cy, ..] = projection;

@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 use messages::bus::{Bell, Bus, Filled, Gate, Level, Outputs, Request, Start};
 use messages::door::UnderWay;
 use messages::synchronisation::Synchronisation;
-use messages::{Delivery, Header, Image, Kind, NONE};
+use messages::{Delivery, Header, Image, NONE, Raw};
 
 use super::feed::{Feed, Frame, News, Open};
 use super::kept::{Kept, Pace};
 use super::{Way, cameras_of, opener};
 use crate::node::{CaptureError, Pause};
-use crate::rectify::Rectifier;
+use crate::rectify::{Rectifier, show};
 use crate::synchronise::{Cause, Scan, Synchroniser};
 use crate::{Settings, SourceError};
 
@@ -39,7 +39,8 @@ pub(crate) fn run(
     let rectifier = Rectifier::open(settings, names.len(), &[bus.run().rig.size])?;
     let delivery = bus.run().delivery;
     let mut cameras = Cameras {
-        images: bus.outputs(&[Kind::Image])?,
+        images: bus.outputs(&settings.makes())?,
+        is_raw_asked: settings.raw,
         gate: bus.gate(&start.resume, settings.scans)?,
         synchroniser: Synchroniser::new(names.len(), (settings.tolerance * 1e6) as u64, WAITING),
         feeds: Vec::new(),
@@ -155,6 +156,8 @@ struct Cameras {
     failed: Option<String>,
     /// Frames are kept as they came, and rectified when they go out.
     rectifier: Option<Rectifier>,
+    /// Whether images are published as they were taken too.
+    is_raw_asked: bool,
     motion: Motion,
 }
 
@@ -335,16 +338,20 @@ impl Cameras {
             let mut loan = self.images.loan::<Image>(view as u32, NONE)?;
             let filled = {
                 let mut room = loan.room()?;
-                match &self.rectifier {
-                    Some(rectifier) => {
-                        let out = room.pixels.grow(frame.pixels.len());
-                        rectifier.process(view, &frame.pixels, out);
-                    }
-                    None => room.pixels.extend_from_slice(&frame.pixels),
-                }
+                let out = room.pixels.grow(frame.pixels.len());
+                show(self.rectifier.as_ref(), view, &frame.pixels, out);
                 Filled::of::<Image>(&room)
             };
             self.images.publish(loan, &header, filled)?;
+            if self.is_raw_asked {
+                let mut loan = self.images.loan::<Raw>(view as u32, NONE)?;
+                let filled = {
+                    let mut room = loan.room()?;
+                    room.pixels.extend_from_slice(&frame.pixels);
+                    Filled::of::<Raw>(&room)
+                };
+                self.images.publish(loan, &header, filled)?;
+            }
         }
         Ok(())
     }

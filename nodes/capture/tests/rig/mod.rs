@@ -16,7 +16,7 @@ pub const SIZE: Size = Size::new(512, 480);
 /// Metres between neighbouring cameras.
 pub const STEP: f64 = 0.06;
 /// A lens as the textbooks write it, by itself: the oracle.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub enum Lens {
     Polynomial([f64; 8]),
     Fisheye([f64; 4]),

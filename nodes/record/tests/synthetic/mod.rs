@@ -228,7 +228,7 @@ impl Scan {
         let channels = self.rig.channels.len();
         let at = |topic: &Topic| topic.view as usize * channels + topic.channel as usize;
         let mut topics = Topic::all(&self.rig);
-        topics.retain(|topic| !matches!(topic.kind, Kind::Truth | Kind::Evaluation));
+        topics.retain(|topic| !matches!(topic.kind, Kind::Raw | Kind::Truth | Kind::Evaluation));
         let topics = topics.into_iter();
         topics
             .map(|topic| match topic.kind {
@@ -239,7 +239,9 @@ impl Scan {
                 Kind::Matches => both(&self.matches[topic.channel as usize]),
                 Kind::Disparity => both(&self.disparity),
                 Kind::Points => both(&self.points),
-                Kind::Truth | Kind::Map | Kind::Growing | Kind::Evaluation => unreachable!(),
+                Kind::Raw | Kind::Truth | Kind::Map | Kind::Growing | Kind::Evaluation => {
+                    unreachable!()
+                }
             })
             .collect()
     }
@@ -376,7 +378,7 @@ pub(crate) fn batch(encoder: &mut Encoder, scan: &Scan) -> Batch {
 /// An encoder for the rig.
 pub(crate) fn encoder(rig: &Rig, settings: &Settings) -> Encoder {
     // There is no truth to compare with.
-    let is_made = |kind: &Kind| !matches!(kind, Kind::Truth | Kind::Evaluation);
+    let is_made = |kind: &Kind| !matches!(kind, Kind::Raw | Kind::Truth | Kind::Evaluation);
     let made: Vec<Kind> = Kind::ALL.into_iter().filter(is_made).collect();
     record::encoder(rig, 0, &made, false, settings)
 }
