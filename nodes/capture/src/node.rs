@@ -177,8 +177,8 @@ struct Loans {
     truth: Option<(Loan<messages::Truth>, Filled, Header)>,
 }
 
-/// Scenes whose truth is kept: few take turns, and many are not worth the memory.
-const TRUTHS: usize = 4;
+/// Bytes of truths that are kept: those of the scenes that take turns, or of a rail's frames; many are not worth the memory.
+const TRUTHS: usize = 64 << 20;
 
 impl Capture {
     /// Reads a scan of the source into shared memory.
@@ -230,8 +230,13 @@ impl Capture {
             let truth = self.source.truth(tick, view)?;
             let unknown = || vec![f32::NAN; size.pixels()];
             let disparity = truth.map_or_else(unknown, |truth| truth.disparity);
-            self.truths.truncate(TRUTHS - 1);
             self.truths.push_front((scene, disparity));
+            let kept = self.truths.iter().scan(0, |bytes, (_, truth)| {
+                *bytes += size_of_val(&**truth);
+                Some(*bytes)
+            });
+            let kept = kept.take_while(|&bytes| bytes <= TRUTHS).count();
+            self.truths.truncate(kept.max(1));
         }
         let mut loan = self.images.loan::<messages::Truth>(NONE, NONE)?;
         let filled = {
