@@ -288,7 +288,11 @@ impl Fusion {
         frame.fill(points, rows, origin, &self.settings);
         for index in 0..frame.points.len() {
             let point = frame.points[index];
-            let slope = frame.slope(index);
+            // Only a picture that drifts shows other points of a contour in a row.
+            let slope = match place.drift_px {
+                0.0 => 0.0,
+                _ => frame.slope(index),
+            };
             let mut track = None;
             for (gap, before) in (1..).zip(before.iter_mut().take(GAP + 1)) {
                 if let Some(found) =
