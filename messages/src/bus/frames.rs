@@ -8,17 +8,25 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use super::ports::{FrameSample, FramesPublisher, FramesSubscriber, Ports, frame};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::prelude::ipc;
+
+use super::ports::{self, Bell, FrameSample, FramesPublisher, FramesSubscriber, Ports, frame};
 use super::{BusError, Run};
 use crate::header::{Header, Size};
 
-/// How long a frame is waited for, and how often it is looked for: nobody rings.
+/// How long a frame is waited for.
 const MOMENT: Duration = Duration::from_millis(100);
-const LOOK_EVERY: Duration = Duration::from_millis(1);
+
+/// The inbox of who takes a view's frames.
+fn inbox(view: &str) -> String {
+    format!("frames.{view}")
+}
 
 /// Publishes the frames of one view to a running graph whose source is `camera:bus`.
 pub struct FramesOut {
     publisher: FramesPublisher,
+    taker: Bell,
     view: u32,
     size: Size,
     sent: u64,
@@ -54,6 +62,7 @@ impl FramesOut {
         let ports = Ports::new(&run, &format!("frames.{view}.{}", std::process::id()))?;
         Ok(Self {
             publisher: ports.frames_out(view, run.rig.size)?,
+            taker: ports.bell(&inbox(view))?,
             view: index as u32,
             size: run.rig.size,
             sent: 0,
@@ -91,6 +100,7 @@ impl FramesOut {
             ..Header::new(self.sent, nanos, self.size)
         };
         frame(&self.publisher, &header, fill)?;
+        self.taker.ring();
         self.sent += 1;
         Ok(())
     }
@@ -108,6 +118,7 @@ fn read(folder: &Path) -> Result<Run, BusError> {
 /// Hears the frames of one view that another program publishes.
 pub struct FramesIn {
     subscriber: FramesSubscriber,
+    inbox: Listener<ipc::Service>,
     /// Its ports live as long as their node.
     _ports: Ports,
 }
@@ -149,6 +160,7 @@ impl FramesIn {
         let ports = Ports::new(run, &format!("frames.{name}"))?;
         Ok(Self {
             subscriber: ports.frames_in(name)?,
+            inbox: ports.inbox(&inbox(name))?,
             _ports: ports,
         })
     }
@@ -164,10 +176,11 @@ impl FramesIn {
             if let Some(sample) = sample.map_err(|e| BusError::port("receive a frame", e))? {
                 return Ok(Some(FrameIn(sample)));
             }
-            if Instant::now() >= until {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
                 return Ok(None);
             }
-            std::thread::sleep(LOOK_EVERY);
+            ports::wait(&self.inbox, left)?;
         }
     }
 }

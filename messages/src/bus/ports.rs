@@ -231,15 +231,15 @@ impl Ports {
         &self,
         nodes: impl Iterator<Item = &'a NodePlan>,
     ) -> Result<Vec<Bell>, BusError> {
-        nodes
-            .map(|node| {
-                let notifier = bell(&self.node, &node.name)?;
-                Ok(Bell {
-                    _node: None,
-                    notifier,
-                })
-            })
-            .collect()
+        nodes.map(|node| self.bell(&node.name)).collect()
+    }
+
+    /// The bell of the inbox of this name.
+    pub(super) fn bell(&self, name: &str) -> Result<Bell, BusError> {
+        Ok(Bell {
+            notifier: bell(&self.node, name)?,
+            _node: None,
+        })
     }
 }
 

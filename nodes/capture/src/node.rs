@@ -48,6 +48,9 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
     let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
     let (mut pause, mut is_held) = (Pause::default(), false);
     bus.playing(pause.playing());
+    if is_live {
+        capture.prepare()?;
+    }
     bus.ready()?;
     let mut began = Instant::now();
     let ticks_before = capture.gate.door().next_tick();
@@ -180,7 +183,24 @@ struct Loans {
 /// Bytes of truths that are kept: those of the scenes that take turns, or of a rail's frames; many are not worth the memory.
 const TRUTHS: usize = 64 << 20;
 
+/// Scans that are read before the camera's time begins, at most: all scenes that take turns when rendered.
+const PREPARED: u64 = 8;
+
 impl Capture {
+    /// Renders or decodes before the camera's time begins what is kept from the first time on. What cannot be read is told
+    /// when its turn comes.
+    fn prepare(&mut self) -> Result<(), CaptureError> {
+        let first = self.gate.door().next_tick();
+        let scenes = self.source.scenes().min(PREPARED);
+        for tick in first..self.source.scans().min(first + scenes) {
+            match self.read(tick) {
+                Ok(_) | Err(CaptureError::Source(_)) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
     /// Reads a scan of the source into shared memory.
     fn read(&mut self, tick: u64) -> Result<Loans, CaptureError> {
         let nanos = self.settings.nanos(self.start_nanos, tick);
