@@ -326,7 +326,13 @@ impl Writer {
             part.begin(&self.metadata, &metadata)?;
             part.add_changes(&self.changes)
         });
-        begun.map_err(|source| io_error(&part.path, source))?;
+        if let Err(source) = begun {
+            // Of a further part nothing is left that could be taken for one.
+            if self.identity.part > 0 {
+                fs::remove_file(&part.path).unwrap_or_default();
+            }
+            return Err(io_error(&part.path, source));
+        }
         self.recorded.parts.push(part.path.clone());
         Ok(part)
     }
@@ -708,6 +714,46 @@ mod tests {
             }
         }
         0
+    }
+
+    #[test]
+    fn a_part_that_cannot_be_begun_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("parts.mcap");
+        let rig = synthetic::rig(Size::new(64, 48));
+        let settings = Settings {
+            max_bytes: Some(1_000_000),
+            ..Settings::default()
+        };
+        let mut encoder = synthetic::encoder(&rig, &settings);
+        let first = path.clone();
+        let open: Open = Box::new(move |path| {
+            Ok(Box::new(Small {
+                file: File::create(path).unwrap(),
+                room: if path == first { u64::MAX } else { 100 },
+                allocates: false,
+                allocated: 0,
+            }))
+        });
+        let identity = Identity {
+            recording: "x".to_owned(),
+            part: 0,
+        };
+        let metadata = synthetic::metadata(&rig);
+        let mut writer =
+            Writer::start(&path, identity, &metadata, &encoder, &settings, open).unwrap();
+        let mut write = |sequence| {
+            let batch = synthetic::batch(&mut encoder, &Scan::new(&rig, sequence, 6));
+            writer.write(&batch)
+        };
+        let error = (0..).find_map(|sequence| write(sequence).err()).unwrap();
+        assert!(matches!(error, WriteError::Full(_)), "{error}");
+        let written = writer.finish(None).unwrap();
+        assert_eq!(written.parts, std::slice::from_ref(&path));
+        let left = fs::read_dir(folder.path()).unwrap().count();
+        assert_eq!(left, 1, "the part that could not be begun is gone");
+        let recording = Recording::open(&path).unwrap();
+        assert!(recording.scans().eq(0..written.scans));
     }
 
     #[test]
