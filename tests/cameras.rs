@@ -298,4 +298,33 @@ mod gstreamer {
             .find(|topic| topic["topic"] == "synchronisation");
         assert!(topic.unwrap()["count"].as_u64() >= Some(2), "{info}");
     }
+
+    /// From files, one of which goes on in another size after forty frames.
+    const CHANGING: &str = "capture.cameras=[\
+        'videotestsrc num-buffers=80 ! video/x-raw,width=160,height=120,framerate=30/1',\
+        'concat name=c videotestsrc num-buffers=40 ! video/x-raw,width=160,height=120,framerate=30/1 ! c. \
+         videotestsrc num-buffers=40 ! video/x-raw,width=80,height=60,framerate=30/1 ! c. c.',\
+        'videotestsrc num-buffers=80 ! video/x-raw,width=160,height=120,framerate=30/1']";
+
+    #[test]
+    fn frames_that_change_their_size_are_left_out_and_counted() {
+        let world = World::new();
+        let ran = world.run(&[
+            "run",
+            "--source",
+            "camera:gstreamer",
+            "--set",
+            CHANGING,
+            "--record",
+            "x.mcap",
+            "--json",
+        ]);
+        let summary = ran.json();
+        assert_eq!(summary["balanced"], true, "{summary}");
+        assert_eq!(adds_up(&summary), 40, "{summary}");
+        let changed = &summary["synchronisation"]["cameras"][1]["dropped"];
+        let why = "it had another size than at the start";
+        assert_eq!(changed[why], 40, "{summary}");
+        world.run(&["info", "--check", "x.mcap"]).done();
+    }
 }
