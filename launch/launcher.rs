@@ -117,15 +117,21 @@ fn check_shared_memory(run: &Run) -> Result<(), Failure> {
     if free >= need {
         return Ok(());
     }
-    let each = need / run.in_flight as u64;
-    let advice = match free / each.max(1) {
+    let reach = run.rig.reach();
+    let each = need / (run.in_flight as u64 + reach);
+    let advice = match (free / each.max(1)).saturating_sub(reach) {
+        0 if reach > 0 => "make it larger (in a container: --shm-size), or --set map.apart=0, a shorter map.window, or leave [map] away in a graph file".to_owned(),
         0 => "make it larger (in a container: --shm-size)".to_owned(),
         fits => format!(
             "make it larger (in a container: --shm-size), or --set capture.in_flight={fits}"
         ),
     };
+    let depended_on = match reach {
+        0 => String::new(),
+        _ => format!(" and {reach} before them that they depend on"),
+    };
     Err(Failure::failed(format!(
-        "{} scans of {} under way can need {:.0} MB of shared memory, {SHARED_MEMORY} has {:.0} MB free: {advice}",
+        "{} scans of {} under way{depended_on} can need {:.0} MB of shared memory, {SHARED_MEMORY} has {:.0} MB free: {advice}",
         run.in_flight,
         run.rig.size,
         need as f64 / 1e6,

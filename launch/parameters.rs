@@ -71,7 +71,7 @@ impl Parameters {
             known_key(node, key, of_node.keys)?;
             if !of_node.is_tunable(key) {
                 return Err(format!(
-                    "{name} cannot be changed while the graph runs: topics and what refers to them depend on it"
+                    "{name} cannot be changed while the graph runs: what is sent, or sent again when a node dies, depends on it"
                 ));
             }
             let Some(Value::Object(table)) = tables.get_mut(node) else {

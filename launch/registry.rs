@@ -81,7 +81,7 @@ pub(crate) const NODES: &[NodeType] = &[
     node!("match", matching, "R-tables become matches, disparities and points",
         takes |_| Stage::Match.takes().to_vec(), makes |_| Stage::Match.makes().collect(), finishes true, fixed Some(&["reference"]), thesis matching::Settings::thesis()),
     node!("map", map, "points of many frames along a rail become one map",
-        takes |_| Stage::Map.takes().to_vec(), makes |_| Stage::Map.makes().collect(), finishes true, fixed Some(&["window"]), thesis map::Settings::default()),
+        takes |_| Stage::Map.takes().to_vec(), makes |_| Stage::Map.makes().collect(), finishes true, fixed Some(&["window", "apart"]), thesis map::Settings::default()),
     node!("evaluate", evaluate, "points against the truth, where the source knows it",
         takes |_| Stage::Evaluate.takes().to_vec(), makes |_| Stage::Evaluate.makes().collect(), finishes true, fixed Some(&["view"]), thesis evaluate::Settings::default()),
     node!("record", record, "every topic into MCAP",

@@ -108,12 +108,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let verified = args.verify.then(|| {
         let found = std::fs::read(dir.path().join(Findings::FILE)).unwrap_or_default();
         let findings = serde_json::from_slice(&found).unwrap_or_default();
-        Verified::new(
-            findings,
-            ran.ledger.done,
-            &replayed_kinds(from),
-            &not_recorded,
-        )
+        let missing = not_held(&source, from);
+        let mut played = replayed_kinds(from);
+        played.retain(|kind| !missing.contains(kind));
+        Verified::new(findings, ran.ledger.done, &played, &not_recorded)
     });
     let outcome = match (&verified, ran.outcome) {
         (Some(verified), Outcome::Done) if !verified.equal => Outcome::Lost,
@@ -249,6 +247,10 @@ fn graph(
         if let Some(table) = recorded.get(name) {
             tables.insert(name.to_owned(), without_nulls(table));
         }
+    }
+    // Recordings of before points of a map were held apart hold all of them.
+    if let Some(Value::Object(map)) = tables.get_mut(Stage::Map.name()) {
+        map.entry("apart").or_insert(json!(0.0));
     }
     // What a live run may drop a replay may not.
     if let Some(Value::Object(graph)) = tables.get_mut("graph") {

@@ -78,6 +78,7 @@ pub enum Kind {
     /// Frames, one topic a view; rectified, where a calibration says how.
     Image,
     /// Frames as the cameras took them, one topic a view, where they are asked for beside rectified ones.
+    #[serde(rename = "image_raw")]
     Raw,
     /// True disparities of the reference view, one topic, where the source knows them.
     Truth,

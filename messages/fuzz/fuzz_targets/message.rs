@@ -6,7 +6,8 @@
 use libfuzzer_sys::fuzz_target;
 use messages::record::{Codec, Recorded, Said};
 use messages::{
-    Curves, Disparity, Edges, Evaluation, Growing, Image, Kind, Map, Matches, Points, Rail, Raw, Rig, Size, Stage, Tables, Topic, Truth,
+    Curves, Disparity, Edges, Evaluation, Growing, Image, Kind, Map, Matches, Points, Rail, Raw,
+    Rig, Size, Stage, Tables, Topic, Truth,
 };
 
 fn decode<M: Recorded>(codec: &Codec, topic: &Topic, bytes: &[u8], beside: &[u8]) {

@@ -72,6 +72,11 @@ impl<S: Settings, T> Tuned<S, T> {
         Ok(&mut self.versions[place].1)
     }
 
+    /// All that are there, for scans that come again.
+    pub fn all(&mut self) -> impl Iterator<Item = &mut T> {
+        self.versions.iter_mut().map(|(_, version)| version)
+    }
+
     fn take_changes(&mut self) -> Result<(), BusError> {
         let changes = self.changes.borrow();
         while let Some(change) = changes.get(self.seen) {

@@ -276,7 +276,7 @@ pub enum SourceError {
 
     /// Raw images are asked for where no others are published.
     #[error(
-        "capture.raw is set and images are not rectified: they are published as they were taken; set capture.calibration, or leave capture.raw away"
+        "capture.raw is set and images are not rectified: they are published as they were taken; set capture.calibration and leave capture.rectify true, or leave capture.raw away"
     )]
     NothingRectified,
 

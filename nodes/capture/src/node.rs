@@ -180,8 +180,9 @@ struct Loans {
     truth: Option<(Loan<messages::Truth>, Filled, Header)>,
 }
 
-/// Bytes of truths that are kept: those of the scenes that take turns, or of a rail's frames; many are not worth the memory.
+/// Bytes of truths that are kept, of a rail's frames or of scenes that take turns, and how many are kept at least.
 const TRUTHS: usize = 64 << 20;
+const LEAST_TRUTHS: usize = 4;
 
 /// Scans that are read before the camera's time begins, at most: all scenes that take turns when rendered.
 const PREPARED: u64 = 8;
@@ -256,7 +257,7 @@ impl Capture {
                 Some(*bytes)
             });
             let kept = kept.take_while(|&bytes| bytes <= TRUTHS).count();
-            self.truths.truncate(kept.max(1));
+            self.truths.truncate(kept.max(LEAST_TRUTHS));
         }
         let mut loan = self.images.loan::<messages::Truth>(NONE, NONE)?;
         let filled = {

@@ -452,12 +452,12 @@ impl Source {
         out.clear();
         let (shown, shot) = self.place(scan, view);
         match &mut self.kind {
-            Kind::Folders { albums, kept } => {
+            Kind::Folders { albums, kept } if self.rectifier.is_some() => {
                 let taken = kept.pixels(albums, shown, shot, Some(scan))?;
                 out.pixels.extend_from_slice(taken);
                 Ok(albums[shown].size)
             }
-            Kind::Rendered { .. } => Err(SourceError::NothingRectified),
+            Kind::Rendered { .. } | Kind::Folders { .. } => Err(SourceError::NothingRectified),
             #[cfg(feature = "node")]
             Kind::Cameras(_) => Err(SourceError::SentOnce),
         }

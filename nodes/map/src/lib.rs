@@ -36,9 +36,9 @@ messages::settings! {
         pub residual: f32 = 0.5, in 0.05..=8;
         /// Least score of a sighting.
         pub score: f32 = 0.0, in 0..=1;
-        /// Columns and pixels of disparity by which points of the map in one row must differ: tracks break and begin again,
-        /// and channels see one contour twice; 0 keeps all. On 60 frames of leaves 0.5 keeps 0.68 of the points, and a point
-        /// within a pixel of 0.95 instead of 0.98 of a frame's.
+        /// Columns and pixels of disparity by which a point of the map must differ from those in its row that were settled
+        /// through the last `window` frames, or were left out for this: tracks break and begin again, and channels see one
+        /// contour twice. 0 keeps all. On 60 frames of leaves 0.5 leaves out a quarter.
         pub apart: f64 = 0.5, in 0..=8;
     }
 }
@@ -50,20 +50,16 @@ impl Settings {
     /// Frames of points before a frame on which its share of the map depends.
     ///
     /// Where the frames before are not known, a track may seem to begin that goes on from there, in the first [`GAP`]
-    /// frames; the last that is heard of it is when it has been followed through the window and then not been seen. As long
-    /// as that it is remembered then, not to be written again.
+    /// frames; the last that is heard of it is when it has been followed through the window and then not been seen. After
+    /// that it is remembered, not to be written again.
     pub fn reach(&self) -> u64 {
-        self.life() + self.remembered()
+        self.window + 2 * (GAP as u64 + 1) + self.remembered()
     }
 
-    /// Frames from a point's first sighting until it is settled, at most, and as many as a beginning that is none takes.
-    fn life(&self) -> u64 {
-        self.window + 2 * (GAP as u64 + 1)
-    }
-
-    /// Frames for which a settled point is remembered.
+    /// Frames for which a settled point is remembered. More would leave out more and need more frames, all of which must be
+    /// there to be sent again when a node dies.
     fn remembered(&self) -> u64 {
-        if self.apart > 0.0 { self.life() } else { 0 }
+        if self.apart > 0.0 { self.window } else { 0 }
     }
 }
 
@@ -101,8 +97,9 @@ struct Track {
 struct Line {
     /// The first sighting's place along the rail, in baselines.
     origin: f64,
-    /// Column there.
+    /// Column and row there.
     column: f64,
+    row: f64,
     disparity: f64,
     /// Standard deviation of the disparity.
     sigma: f64,
@@ -171,6 +168,7 @@ impl Track {
         Some(Line {
             origin: self.origin,
             column: self.column + start,
+            row: self.row.into(),
             disparity: -slope,
             sigma: sigma / spread.sqrt(),
             residual,
@@ -190,7 +188,7 @@ impl Track {
     /// The point in the rail's frame.
     fn point(&self, line: &Line, place: &Place) -> MapPoint {
         let camera = &place.camera;
-        let [x, y, z] = camera.point_m(line.column, f64::from(self.row), line.disparity);
+        let [x, y, z] = camera.point_m(line.column, line.row, line.disparity);
         MapPoint {
             x: (x + self.origin * camera.baseline_m) as f32,
             y: y as f32,
@@ -218,17 +216,6 @@ struct Frame {
     rows: Vec<u32>,
 }
 
-/// What fusing has come to, to be told at the end.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Told {
-    /// Points written into the map.
-    pub settled: u64,
-    /// Tracks that ended with too few sightings, or whose sightings lie on no line.
-    pub dropped: u64,
-    /// Points that are in the map already.
-    pub known: u64,
-}
-
 /// The fusion, with its memory: as many frames as a point may go unseen.
 #[derive(Debug)]
 pub struct Fusion {
@@ -236,7 +223,6 @@ pub struct Fusion {
     /// The newest first.
     frames: Vec<Frame>,
     settled: Settled,
-    told: Told,
 }
 
 impl Fusion {
@@ -247,7 +233,6 @@ impl Fusion {
             settings: settings.clone(),
             frames: frames.collect(),
             settled: Settled::default(),
-            told: Told::default(),
         }
     }
 
@@ -260,11 +245,6 @@ impl Fusion {
     /// The settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
-    }
-
-    /// What it has come to.
-    pub fn told(&self) -> Told {
-        self.told
     }
 
     /// Takes in the points of the next frame, in raster order: what is settled with it goes into `map`, what is still
@@ -315,18 +295,14 @@ impl Fusion {
                 .tracks
                 .push(track.unwrap_or_else(|| Track::new(&point, origin)));
         }
-        let (told, known, settings) = (&mut self.told, &mut self.settled, &self.settings);
-        known.begin(origin, rows, settings.remembered());
-        let mut settle = |track: &Track| match track.sure(settings) {
-            Some(line)
-                if settings.apart == 0.0
-                    || known.add(&line, track.row as usize, settings.apart) =>
-            {
+        let (known, settings) = (&mut self.settled, &self.settings);
+        known.begin(origin, rows, place.drift_px, settings.remembered());
+        let mut settle = |track: &Track| {
+            let line = track.sure(settings);
+            let is_new = |line: &Line| settings.apart == 0.0 || known.add(line, settings.apart);
+            if let Some(line) = line.filter(is_new) {
                 map.points.push(track.point(&line, place));
-                told.settled += 1;
             }
-            Some(_) => told.known += 1,
-            None => told.dropped += 1,
         };
         for track in &mut frame.tracks {
             if !track.is_settled && track.age >= settings.window {

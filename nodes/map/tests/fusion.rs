@@ -81,15 +81,29 @@ fn place(position_m: f64) -> Place {
 fn fused(positions: &[f64], noise: f64) -> (Vec<Vec<MapPoint>>, Vec<MapPoint>) {
     let things = things();
     let mut random = Random(7);
-    let mut fusion = Fusion::new(&Settings::default());
+    let frames: Vec<_> = positions
+        .iter()
+        .map(|&position| (position, seen(&things, position, noise, &mut random)))
+        .collect();
+    fused_of(&frames, &Settings::default(), 0.0)
+}
+
+/// The map of these frames: places, and what is seen there.
+fn fused_of(
+    frames: &[(f64, Vec<Point>)],
+    settings: &Settings,
+    drift_px: f64,
+) -> (Vec<Vec<MapPoint>>, Vec<MapPoint>) {
+    let mut fusion = Fusion::new(settings);
     let (mut map, mut growing) = (Owned::<Map>::new(SIZE), Owned::<Growing>::new(SIZE));
     let mut settled = Vec::new();
-    for &position in positions {
-        let points = seen(&things, position, noise, &mut random);
+    for (position, points) in frames {
+        let place = Place {
+            drift_px,
+            ..place(*position)
+        };
         map.fill(|map| {
-            growing.fill(|growing| {
-                fusion.process(&points, SIZE.height, &place(position), map, growing)
-            });
+            growing.fill(|growing| fusion.process(points, SIZE.height, &place, map, growing));
         });
         settled.push(map.view().points.to_vec());
     }
@@ -174,6 +188,90 @@ fn what_a_frame_settles_does_not_depend_on_frames_long_before() {
     for frame in begin + reach..80 {
         assert_eq!(late[frame - begin], whole[frame], "frame {frame}");
     }
+}
+
+/// One thing, seen in these frames, as the points of one frame each make them of it.
+fn frames_of(count: usize, see: impl Fn(usize, Point) -> Vec<Point>) -> Vec<(f64, Vec<Point>)> {
+    let thing = [Thing {
+        x: 0.2,
+        row: 9.0,
+        z: 1.2,
+    }];
+    let positions = steps(count as u32);
+    let point = |position: f64| seen(&thing, position, 0.0, &mut Random(1))[0];
+    let frames = positions.iter().enumerate();
+    frames
+        .map(|(frame, &position)| (position, see(frame, point(position))))
+        .collect()
+}
+
+/// How many points frames make with a setting of [`Settings::apart`].
+fn points_apart(frames: &[(f64, Vec<Point>)], apart: f64) -> usize {
+    let settings = Settings {
+        apart,
+        ..Settings::default()
+    };
+    let (settled, _) = fused_of(frames, &settings, 0.0);
+    settled.iter().map(Vec::len).sum()
+}
+
+#[test]
+fn what_two_channels_see_of_one_contour_is_one_point() {
+    let frames = frames_of(30, |_, point| {
+        let coarser = Point {
+            u: point.u + 0.3,
+            channel: 1,
+            ..point
+        };
+        vec![point, coarser]
+    });
+    assert_eq!(
+        [0.5, 0.2, 0.0].map(|apart| points_apart(&frames, apart)),
+        [1, 2, 2]
+    );
+}
+
+#[test]
+fn a_point_that_is_lost_and_soon_seen_again_is_one_point() {
+    // Unseen for four frames, which ends its track.
+    let is_seen = |frame: usize| frame < 8 || (12..18).contains(&frame);
+    let frames = frames_of(40, |frame, point| match is_seen(frame) {
+        true => vec![point],
+        false => Vec::new(),
+    });
+    assert_eq!([0.5, 0.0].map(|apart| points_apart(&frames, apart)), [1, 2]);
+}
+
+#[test]
+fn what_was_written_before_counts_for_as_many_frames_as_reach_says_and_not_fewer() {
+    let things = things();
+    let (mut random, mut chance) = (Random(5), Random(11));
+    let frames: Vec<(f64, Vec<Point>)> = steps(90)
+        .into_iter()
+        .map(|position| {
+            let mut points = seen(&things, position, 0.1, &mut random);
+            // Tracks break and begin again all the time.
+            points.retain(|_| chance.next() > 0.4);
+            (position, points)
+        })
+        .collect();
+    let settings = Settings::default();
+    let reach = settings.reach() as usize;
+    let without = Settings {
+        apart: 0.0,
+        ..settings.clone()
+    };
+    let (whole, _) = fused_of(&frames, &settings, 0.0);
+    let mut is_ever_other = false;
+    for begin in 1..40 {
+        let (late, _) = fused_of(&frames[begin..], &settings, 0.0);
+        for frame in begin + without.reach() as usize..90 {
+            let is_same = late[frame - begin] == whole[frame];
+            assert!(is_same || frame < begin + reach, "{begin}: frame {frame}");
+            is_ever_other |= !is_same;
+        }
+    }
+    assert!(is_ever_other, "nothing is remembered");
 }
 
 #[test]

@@ -327,11 +327,12 @@ impl Writer {
             part.add_changes(&self.changes)
         });
         if let Err(source) = begun {
-            // Of a further part nothing is left that could be taken for one.
+            // Of a further part nothing is left that could be taken for one; what cannot be removed either is told apart by
+            // holding nothing.
             if self.identity.part > 0 {
                 fs::remove_file(&part.path).unwrap_or_default();
             }
-            return Err(io_error(&part.path, source));
+            return Err(io_error(&self.path, source));
         }
         self.recorded.parts.push(part.path.clone());
         Ok(part)
@@ -748,6 +749,8 @@ mod tests {
         };
         let error = (0..).find_map(|sequence| write(sequence).err()).unwrap();
         assert!(matches!(error, WriteError::Full(_)), "{error}");
+        let told = error.to_string();
+        assert!(told.contains("parts.mcap holds all"), "{told}");
         let written = writer.finish(None).unwrap();
         assert_eq!(written.parts, std::slice::from_ref(&path));
         let left = fs::read_dir(folder.path()).unwrap().count();

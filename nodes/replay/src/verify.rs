@@ -60,8 +60,8 @@ pub struct Finding {
 impl Findings {
     /// The file in the run's folder in which a verifier leaves them after each scan.
     pub const FILE: &str = "verify.json";
-    /// More scans than can be under way.
-    const LATEST: usize = 64;
+    /// More scans than can be under way, along a rail with those that they depend on.
+    const LATEST: usize = 256;
 
     /// Whether a scan of the replay was compared.
     pub fn knows(&self, sequence: u64) -> bool {

@@ -113,7 +113,7 @@ fn check(mounted: &[Mounted], views: usize, sizes: &[Size]) -> Result<(), Why> {
             counted(mounted.len(), "camera"),
             names.join(", "),
             match views {
-                1 => "is one view, of a camera that moves".to_owned(),
+                1 => "is 1 view".to_owned(),
                 _ => format!("are {views} views"),
             }
         ));
