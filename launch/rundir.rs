@@ -227,19 +227,21 @@ fn sweep_shared_memory(prefix: &str) -> io::Result<u64> {
 
 /// Sweeps up after all dead runs; gives back how many there were and how many bytes they held.
 pub(crate) fn clean() -> io::Result<(usize, u64)> {
-    let (mut runs, mut bytes) = (0, 0);
+    let (mut runs, mut bytes) = (BTreeSet::new(), 0);
+    // Shared memory first, also of runs whose folder went before it, as at a logout, or lies in another session's. A
+    // node that is just ending lets go of its run's folder before it does of the shared memory: what is dead here
+    // is dead below, never the other way round, which would leave a folder that nothing belongs to.
+    for prefix in dead_prefixes()? {
+        bytes += sweep_shared_memory(&prefix)?;
+        runs.insert(prefix);
+    }
     for entry in fs::read_dir(home()?)?.flatten() {
         if entry.path().join(LAUNCHER).exists() && is_abandoned(&entry.path()) {
             bytes += sweep(&entry.path())?;
-            runs += 1;
+            runs.insert(prefix_of(&entry.file_name().to_string_lossy()));
         }
     }
-    // Runs whose folder went before them, as at a logout, or lies in another session's.
-    for prefix in dead_prefixes()? {
-        bytes += sweep_shared_memory(&prefix)?;
-        runs += 1;
-    }
-    Ok((runs, bytes))
+    Ok((runs.len(), bytes))
 }
 
 /// The prefixes of this user's shared memory that no process holds any more.

@@ -256,7 +256,10 @@ pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
 /// Whether a process is gone, files closed and locks let go; one that is only waiting to be reaped is.
 pub(crate) fn is_gone(pid: u32) -> bool {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    stat.is_empty() || stat.contains(") Z ") || stat.contains(") X ")
+    // The first thread's state says nothing of the others, which hold files and locks until the last is gone.
+    let threads = fs::read_dir(format!("/proc/{pid}/task")).map_or(0, Iterator::count);
+    let is_over = stat.contains(") Z ") || stat.contains(") X ");
+    stat.is_empty() || is_over && threads <= 1
 }
 
 /// Sends a signal to one process.
