@@ -149,6 +149,8 @@ pub struct Start {
     pub graph: String,
     /// The names of the source's scans, where they have some.
     pub scans: Vec<String>,
+    /// Where a rail's frames were taken, in the source's own steps, where it had to look at all of them to know.
+    pub places: Vec<f64>,
     /// Settings that hold otherwise from a scan on.
     pub changes: Vec<Change>,
 }

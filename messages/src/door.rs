@@ -85,10 +85,12 @@ impl Door {
         scan
     }
 
-    /// Turns the source's next scan away, whole.
-    pub fn refuse(&mut self, cause: &str) {
-        *self.refused.entry(cause.to_owned()).or_default() += 1;
-        self.next_tick += 1;
+    /// Turns so many of the source's next scans away, whole.
+    pub fn refuse(&mut self, cause: &str, count: u64) {
+        if count > 0 {
+            *self.refused.entry(cause.to_owned()).or_default() += count;
+            self.next_tick += count;
+        }
     }
 
     /// Goes on with another scan of the source.
@@ -197,7 +199,7 @@ mod tests {
     fn refused_scans_leave_no_gap_in_the_numbers() {
         let mut door = Door::new(1);
         door.admit();
-        door.refuse("the door was closed");
+        door.refuse("the door was closed", 1);
         door.done(0);
         assert_eq!(
             door.admit(),

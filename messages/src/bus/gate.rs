@@ -52,13 +52,12 @@ impl Gate {
 
     /// Turns the source's next scan away, whole.
     pub fn refuse(&mut self, bus: &Bus, cause: &str) {
-        self.door.refuse(cause);
-        self.tell(bus);
+        self.refuse_scans(bus, cause, 1);
     }
 
     /// Turns so many of the source's next scans away, whole.
     pub fn refuse_scans(&mut self, bus: &Bus, cause: &str, count: u64) {
-        (0..count).for_each(|_| self.door.refuse(cause));
+        self.door.refuse(cause, count);
         self.tell(bus);
     }
 

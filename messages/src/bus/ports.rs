@@ -5,7 +5,7 @@
 )]
 
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
@@ -200,10 +200,21 @@ impl Ports {
         .map_err(|e| not_subscribed("hear reports", e))
     }
 
-    /// Where a program from outside publishes the frames of a view.
+    /// Where a program from outside publishes the frames of a view; one program only.
     pub(super) fn frames_out(&self, view: &str, size: Size) -> Result<FramesPublisher, BusError> {
         let name = format!("frames/{view}");
-        service!(self.node, &name, u8, publishers 1, subscribers 1, buffer FRAMES, overflow true)?
+        let service = service!(self.node, &name, u8, publishers 1, subscribers 1, buffer FRAMES, overflow true)?;
+        let is_taken = || service.dynamic_config().number_of_publishers() > 0;
+        // One that died is cleaned up after by whoever comes first, which takes a moment.
+        let until = Instant::now() + Duration::from_secs(1);
+        while is_taken() && Instant::now() < until {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        if is_taken() {
+            let taken = "another program publishes this view already";
+            return Err(BusError::port(format!("publish {name}"), taken));
+        }
+        service
             .publisher_builder()
             .initial_max_slice_len(size.pixels())
             .max_loaned_samples(1)

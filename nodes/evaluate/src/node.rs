@@ -39,6 +39,8 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
 struct Count {
     compared: u64,
     mismatches: u64,
+    /// The first scan that is not counted yet: one that is sent again counts once.
+    next: u64,
 }
 
 fn evaluate(
@@ -66,7 +68,10 @@ fn evaluate(
     }
     results.send::<Evaluation>(&cause, NONE, NONE, |room| {
         evaluator.process(known, points, &matches, room);
-        if let Some(score) = room.scores.first() {
+        if let Some(score) = room.scores.first()
+            && cause.sequence >= count.next
+        {
+            count.next = cause.sequence + 1;
             count.compared += u64::from(score.points);
             count.mismatches += u64::from(score.mismatches);
         }

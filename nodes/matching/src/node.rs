@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use messages::bus::{Bus, BusError, Filled, Joined, Outputs, Start};
-use messages::{Curves, Disparity, Header, Kind, Matches, NONE, Points, Rig, Tables};
+use messages::{Curves, Disparity, Header, Kind, Matches, NONE, Points, Rail, Rig, Tables};
 
 use crate::rail::{self, Frames, NoTriple, Turn};
 use crate::{ChannelView, Matcher, Settings, Triple};
@@ -24,48 +24,20 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     bus.ready()?;
     while let Some(scan) = bus.next_scan(&mut scans)? {
         // A scan that comes again is matched again: whoever lost the first results gets the same ones.
+        let header = scan.header();
         let Some((rail, frames)) = &mut frames else {
-            let header = scan.header();
             let matcher = matcher.at(&header)?;
-            match_views(
-                matcher,
-                &rig,
-                &header,
-                Found::Scan(&scan),
-                &results,
-                &mut count,
-            )?;
+            let found = Found::Scan(&scan);
+            match_views(matcher, &rig, &header, found, &results, &mut count)?;
             done.done(scan.sequence)?;
             continue;
         };
-        let needed_from = scan.header().done_below;
-        frames.push(scan.sequence, scan, needed_from);
-        while let Some((sequence, turn)) = frames.next(needed_from) {
-            let Some(scan) = frames.get(sequence) else {
+        frames.push(scan.sequence, scan, header.done_below);
+        while let Some((sequence, turn)) = frames.next(header.done_below) {
+            let Some((header, found)) = of_frame(&rig, rail, frames, sequence, turn) else {
                 continue;
             };
-            let header = scan.header();
-            let baseline_m = rig.calibration(header.size()).baseline_m;
-            let found = match turn {
-                Turn::First => Err(NoTriple::TooEarly),
-                Turn::Match(before) => {
-                    let [Some(near), Some(far)] = before.map(|frame| frames.get(frame)) else {
-                        continue;
-                    };
-                    let scans = [scan, near, far];
-                    let places_m = scans.map(|scan| scan.header().position_m);
-                    let found = rail::triple(rail, places_m, baseline_m);
-                    found.map(|triple| (triple, scans))
-                }
-            };
             let matcher = matcher.at(&header)?;
-            let found = match &found {
-                Ok((triple, views)) => Found::Frames(triple, *views),
-                Err(why) => {
-                    *count.without.entry(*why).or_default() += 1;
-                    Found::Nothing
-                }
-            };
             match_views(matcher, &rig, &header, found, &results, &mut count)?;
             done.done(sequence)?;
         }
@@ -90,6 +62,22 @@ struct Count {
     points: u64,
     /// Frames on a rail that have no triple.
     without: BTreeMap<NoTriple, u64>,
+    /// The first scan that is not counted yet: one that is sent again counts once.
+    next: u64,
+}
+
+impl Count {
+    fn add(&mut self, sequence: u64, matches: u64, points: u64, without: Option<NoTriple>) {
+        if sequence < self.next {
+            return;
+        }
+        self.next = sequence + 1;
+        self.matches += matches;
+        self.points += points;
+        if let Some(why) = without {
+            *self.without.entry(why).or_default() += 1;
+        }
+    }
 }
 
 /// What is matched.
@@ -98,9 +86,32 @@ enum Found<'a> {
     /// All views of a rig's scan.
     Scan(&'a Joined),
     /// A camera's frames along a rail, the newest first.
-    Frames(&'a Triple, [&'a Joined; 3]),
-    /// Nothing: the results are empty.
-    Nothing,
+    Frames(Triple, [&'a Joined; 3]),
+    /// Nothing, and why: the results are empty.
+    Nothing(NoTriple),
+}
+
+/// What a frame whose turn it is is matched with.
+fn of_frame<'a>(
+    rig: &Rig,
+    rail: &Rail,
+    frames: &'a Frames<Joined>,
+    sequence: u64,
+    turn: Turn,
+) -> Option<(Header, Found<'a>)> {
+    let frame = frames.get(sequence)?;
+    let header = frame.header();
+    let Turn::Match([near, far]) = turn else {
+        return Some((header, Found::Nothing(NoTriple::TooEarly)));
+    };
+    let frames = [frame, frames.get(near)?, frames.get(far)?];
+    let places_m = frames.map(|frame| frame.header().position_m);
+    let baseline_m = rig.calibration(header.size()).baseline_m;
+    let found = match rail::triple(rail, places_m, baseline_m) {
+        Ok(triple) => Found::Frames(triple, frames),
+        Err(why) => Found::Nothing(why),
+    };
+    Some((header, found))
 }
 
 /// Matches the views of a scan, or frames.
@@ -118,7 +129,7 @@ fn match_views(
             .map(|view| (scan, view))
             .collect(),
         Found::Frames(_, frames) => frames.map(|frame| (frame, 0)).to_vec(),
-        Found::Nothing => Vec::new(),
+        Found::Nothing(_) => Vec::new(),
     };
     let mut inputs = Vec::with_capacity(channels.len());
     for channel in channels.clone() {
@@ -148,15 +159,16 @@ fn match_views(
         match found {
             Found::Scan(_) => matcher.process(&inputs, size, &calibration, out.0, out.1, out.2),
             Found::Frames(triple, _) => {
-                matcher.process_triple(triple, &triples, size, &calibration, out.0, out.1, out.2)
+                matcher.process_triple(&triple, &triples, size, &calibration, out.0, out.1, out.2)
             }
-            Found::Nothing => disparity.disparity.grow(size.pixels()).fill(f32::NAN),
+            Found::Nothing(_) => disparity.disparity.grow(size.pixels()).fill(f32::NAN),
         }
-        count.matches += rooms
-            .iter()
-            .map(|room| room.matches.len() as u64)
-            .sum::<u64>();
-        count.points += points.points.len() as u64;
+        let matched = rooms.iter().map(|room| room.matches.len() as u64).sum();
+        let without = match found {
+            Found::Nothing(why) => Some(why),
+            _ => None,
+        };
+        count.add(cause.sequence, matched, points.points.len() as u64, without);
         let filled: Vec<Filled> = rooms.iter().map(Filled::of::<Matches>).collect();
         (
             filled,

@@ -87,6 +87,8 @@ pub struct Frames<F> {
     rail: Rail,
     kept: BTreeMap<u64, F>,
     waiting: BTreeSet<u64>,
+    /// Those that have had their turn and have not come again.
+    turned: BTreeSet<u64>,
 }
 
 impl<F> Frames<F> {
@@ -96,12 +98,22 @@ impl<F> Frames<F> {
             rail,
             kept: BTreeMap::new(),
             waiting: BTreeSet::new(),
+            turned: BTreeSet::new(),
         }
     }
 
     /// Takes in a frame, which may come again; those below `needed_from` are needed no more.
+    ///
+    /// Frames are large, and whoever is behind this stage may need far more of them to be sent again than a triple reaches
+    /// back: of those that have had their turn only so many are kept.
     pub fn push(&mut self, sequence: u64, frame: F, needed_from: u64) {
-        self.kept = self.kept.split_off(&needed_from);
+        // Who comes again comes with all after it.
+        self.turned.split_off(&sequence);
+        self.turned = self.turned.split_off(&needed_from);
+        let is_open = |frame: &u64| !self.turned.contains(frame);
+        let open = (needed_from..).find(is_open).unwrap_or(needed_from);
+        let kept_from = open.saturating_sub(self.rail.reach()).max(needed_from);
+        self.kept = self.kept.split_off(&kept_from);
         self.waiting = self.waiting.split_off(&needed_from);
         if sequence >= needed_from {
             self.kept.insert(sequence, frame);
@@ -128,6 +140,7 @@ impl<F> Frames<F> {
         loop {
             let (sequence, turn) = self.waiting.iter().find_map(turn)?;
             self.waiting.remove(&sequence);
+            self.turned.insert(sequence);
             if let Some(turn) = turn {
                 return Some((sequence, turn));
             }
@@ -199,6 +212,51 @@ mod tests {
             turns(&mut frames, sequence.saturating_sub(6));
             assert!(frames.kept.len() <= 7);
         }
+    }
+
+    #[test]
+    fn of_frames_that_had_their_turn_no_more_are_kept_than_a_triple_reaches_back() {
+        let mut frames = Frames::new(RAIL);
+        for sequence in 0..100u64 {
+            frames.push(sequence, (), sequence.saturating_sub(40));
+            assert_eq!(turns(&mut frames, sequence.saturating_sub(40)).len(), 1);
+            assert!(frames.kept.len() <= 5, "{:?}", frames.kept);
+        }
+        // Somebody else died: all that are needed come again, and have their turn again.
+        let needed_from = 60;
+        let mut all = Vec::new();
+        for sequence in needed_from..110 {
+            frames.push(sequence, (), needed_from);
+            all.extend(turns(&mut frames, needed_from));
+            // Beside them the last ones of before, until they come again.
+            assert!(frames.kept.len() <= 10, "{:?}", frames.kept);
+        }
+        let expected = (64..110).map(|frame| (frame, Turn::Match([frame - 2, frame - 4])));
+        assert_eq!(all, expected.collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_frame_that_comes_twice_on_its_way_holds_no_other_up() {
+        let mut frames = Frames::new(RAIL);
+        let mut had = Vec::new();
+        for sequence in 0..60u64 {
+            let needed_from = sequence.saturating_sub(10);
+            frames.push(sequence, (), needed_from);
+            had.extend(turns(&mut frames, needed_from));
+            if sequence % 7 == 6 {
+                frames.push(sequence - 5, (), needed_from);
+                had.extend(turns(&mut frames, needed_from));
+            }
+            assert!(
+                had.iter().any(|(turned, _)| *turned == sequence),
+                "{sequence}"
+            );
+        }
+        for sequence in 60..80 {
+            frames.push(sequence, (), sequence - 10);
+            turns(&mut frames, sequence - 10);
+        }
+        assert!(frames.kept.len() <= 5, "{:?}", frames.kept);
     }
 
     #[test]
