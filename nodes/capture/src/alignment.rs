@@ -30,6 +30,14 @@ const UNSURE: f64 = 0.04;
 /// Points that miss the common trend of rows by more than this many pixels, and by more than five median deviations, are
 /// taken for mistaken.
 const MISTAKEN: f64 = 1.0;
+/// Pixels between nearly the least and nearly the greatest disparity from which on a shift is told from a ratio.
+const SPREAD: f64 = 1.0;
+/// What a shift must leave of the median difference to be believed: a turned picture looks like a little of both.
+const CLEARER: f64 = 0.7;
+/// Rounds after which a line of least absolute differences changes no more.
+const ROUNDS: usize = 20;
+/// Differences in disparity, in pixels, below which all weigh the same.
+const SURE: f64 = 0.05;
 
 /// A view, made ready.
 #[derive(Clone, Debug)]
@@ -387,47 +395,92 @@ fn plane<'a>(points: impl Iterator<Item = &'a Followed>) -> Option<[f64; 3]> {
     (normal.determinant().abs() > 1e-6).then(|| (normal.inverse() * right).to_array())
 }
 
-/// Steps on both sides of a view.
+/// Steps on both sides of a view: left disparity = ratio · right disparity + shift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steps {
     /// Points that were followed to both sides.
     pub points: usize,
-    /// Median of the left disparity as a multiple of the right one; 1 for equal steps.
+    /// The left disparity as a multiple of the right one; 1 for equal steps.
     pub ratio: f64,
+    /// What the left one is more at every disparity, in pixels, as where a camera turned a little; 0 where the ratio alone
+    /// says it about as well.
+    pub shift_px: f64,
     /// Median of their difference, in pixels.
     pub median_px: f64,
     /// 95th percentile of their difference without its sign, in pixels; points at outlines, whose columns are seldom
     /// sure, are among them.
     pub p95_px: f64,
-    /// What the steps alone make a point miss in the next view but one: the ratio at a disparity that 95 % do not reach,
-    /// or the median difference, whichever is more, in pixels.
+    /// What the steps alone make a point miss in the next view but one: what ratio and shift come to at the disparities
+    /// below which 5 % and 95 % lie, or the median difference, whichever is most, in pixels.
     pub miss_px: f64,
 }
 
 /// What disparities to the left and to the right of a view say of the steps; `None` for fewer than ten.
 pub fn steps(disparities: &[[f64; 2]]) -> Option<Steps> {
-    let ratios = disparities.iter().filter(|[_, right]| right.abs() > 1.0);
-    let ratios: Vec<f64> = ratios.map(|[left, right]| left / right).collect();
-    if ratios.len() < 10 {
+    if disparities.len() < 10 {
         return None;
     }
-    let ratio = quantile(&ratios, 0.5);
+    let right: Vec<f64> = disparities.iter().map(|[_, right]| *right).collect();
+    let [low, high] = [0.05, 0.95].map(|part| quantile(&right, part));
+    let proportional = line(disparities, false)?;
+    let shifted = line(disparities, true).filter(|_| high - low >= SPREAD);
+    let off = |&(ratio, shift): &(f64, f64)| {
+        let off = disparities
+            .iter()
+            .map(|[left, right]| (left - ratio * right - shift).abs());
+        quantile(&off.collect::<Vec<_>>(), 0.5)
+    };
+    let (ratio, shift_px) = shifted
+        .filter(|shifted| off(shifted) < CLEARER * off(&proportional))
+        .unwrap_or(proportional);
     // A point that was mistaken on one side says nothing of the steps.
-    let differences = disparities
+    let is_near =
+        |[left, right]: &&[f64; 2]| (left - right * ratio - shift_px).abs() < 3.0 * MISTAKEN;
+    let near: Vec<f64> = disparities
         .iter()
-        .map(|[left, right]| (left - right, left - right * ratio));
-    let near = differences.filter(|(_, off)| off.abs() < 3.0 * MISTAKEN);
-    let near: Vec<f64> = near.map(|(difference, _)| difference).collect();
+        .filter(is_near)
+        .map(|[left, right]| left - right)
+        .collect();
     let off: Vec<f64> = near.iter().map(|difference| difference.abs()).collect();
-    let wide: Vec<f64> = disparities.iter().map(|[_, right]| right.abs()).collect();
     let median_px = quantile(&near, 0.5);
+    let misses = [low, high].map(|right| ((ratio - 1.0) * right + shift_px).abs());
     Some(Steps {
         points: near.len(),
         ratio,
+        shift_px,
         median_px,
         p95_px: quantile(&off, 0.95),
-        miss_px: ((ratio - 1.0).abs() * quantile(&wide, 0.95)).max(median_px.abs()),
+        miss_px: misses.into_iter().fold(median_px.abs(), f64::max),
     })
+}
+
+/// Ratio and shift of left disparities over right ones by least absolute differences, as weighted least squares come to;
+/// `None` where all are 0.
+fn line(disparities: &[[f64; 2]], with_shift: bool) -> Option<(f64, f64)> {
+    let (mut ratio, mut shift) = (1.0, 0.0);
+    for _ in 0..ROUNDS {
+        let [mut n, mut x, mut y, mut xx, mut xy] = [0.0; 5];
+        for &[left, right] in disparities {
+            let weight = 1.0 / (left - ratio * right - shift).abs().max(SURE);
+            n += weight;
+            x += weight * right;
+            y += weight * left;
+            xx += weight * right * right;
+            xy += weight * right * left;
+        }
+        let (mean, other) = if with_shift {
+            (x / n, y / n)
+        } else {
+            (0.0, 0.0)
+        };
+        let spread = xx - mean * x;
+        if spread <= 0.0 {
+            return None;
+        }
+        ratio = (xy - mean * y) / spread;
+        shift = other - ratio * mean;
+    }
+    Some((ratio, shift))
 }
 
 /// The value below which this part of the values lies; 0 of none.
@@ -528,6 +581,32 @@ mod tests {
         assert!(
             steps.is_some_and(|s| (s.ratio - 1.1).abs() < 1e-9 && (s.median_px - 1.5).abs() < 0.02),
             "{steps:?}"
+        );
+    }
+
+    #[test]
+    fn a_shift_is_told_from_unequal_steps() {
+        let mut disparities: Vec<[f64; 2]> = (0..100)
+            .map(|i| (f64::from(i) / 25.0 - 1.0, f64::from(i % 7 - 3) / 100.0))
+            .map(|(right, noise)| [0.95 * right + 0.4 + noise, right])
+            .collect();
+        // Some were mistaken.
+        disparities.extend([[5.0, -3.0], [9.0, 1.0], [-6.0, 2.0]]);
+        let found = steps(&disparities);
+        assert!(
+            found.is_some_and(|s| (s.ratio - 0.95).abs() < 0.01
+                && (s.shift_px - 0.4).abs() < 0.01
+                && (s.miss_px - 0.44).abs() < 0.02),
+            "{found:?}"
+        );
+        // Where all is equally far nobody can tell.
+        let flat: Vec<[f64; 2]> = (0..20)
+            .map(|i| [11.0 + f64::from(i % 3) / 50.0, 10.0])
+            .collect();
+        let found = steps(&flat);
+        assert!(
+            found.is_some_and(|s| (s.ratio - 1.1).abs() < 0.005 && s.shift_px == 0.0),
+            "{found:?}"
         );
     }
 

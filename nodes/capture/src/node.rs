@@ -33,7 +33,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
     if let Some(way) = Way::of(&settings.source)? {
         return live::node::run(bus, way, &settings, start);
     }
-    let source = Source::open(&settings)?;
+    let source = Source::open_at(&settings, &start.places)?;
     let total = source.scans();
     let mut capture = Capture {
         source,
@@ -73,10 +73,8 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         match bus.request(wait)? {
             Some(Request::Stop(_)) => break,
             Some(Request::Drain) => is_draining = true,
-            Some(Request::Resend) => match capture.resend() {
-                Err(CaptureError::Source(error)) => failed = Some(error.to_string()),
-                resent => resent?,
-            },
+            // What cannot be read again is lost to those who wait for it.
+            Some(Request::Resend) => capture.resend()?,
             Some(Request::Hold) => {
                 is_held = true;
                 capture.gate.held();

@@ -10,6 +10,7 @@ use messages::Size;
 
 use crate::error::SourceError;
 use crate::motion::{Picture, SPACING, moved, quantile};
+use crate::rail::usual_step;
 
 /// Blocks that are enough to judge by.
 const ENOUGH: usize = 12;
@@ -19,13 +20,23 @@ const STILL_PX: f32 = 0.5;
 const FAR_PX: f32 = 6.0;
 /// Share of the usual step by which steps may differ that are taken for equal: an estimate is no better.
 const EQUAL: f64 = 0.08;
+/// The same in pixels of the median block, where steps are small, and the most that comes to.
+const EQUAL_PX: f64 = 0.2;
+const MOST_EQUAL: f64 = 0.4;
 /// How far blocks may disagree on a step, as a share of it, standard error, for it to be believed.
 const UNSURE: f64 = 0.02;
 
 /// Frames that follow each other and of which nothing can be told, at most.
 const MOST_UNKNOWN: u32 = 3;
-/// Frames whose places are estimated, at most: every one is searched before the first is matched.
+/// Pixels of all frames whose places are estimated, at most, or frames if those are more: every one is searched before the
+/// first is matched, a thousand of these in some seconds.
+const MOST_PIXELS: usize = 1000 * 640 * 512;
 const MOST_FRAMES: usize = 500;
+
+/// Of how many frames places are estimated at most.
+pub(crate) fn most_frames(size: Size) -> usize {
+    (MOST_PIXELS / size.pixels().max(1)).max(MOST_FRAMES)
+}
 
 /// How far each block went, in columns to the left, by its place.
 type Ways = BTreeMap<(usize, usize), f32>;
@@ -35,6 +46,8 @@ type Ways = BTreeMap<(usize, usize), f32>;
 pub(crate) struct Estimated {
     /// Of every frame.
     pub(crate) places: Vec<f64>,
+    /// Share of the usual step by which steps may differ that are taken for equal.
+    pub(crate) equal: f64,
 }
 
 impl Estimated {
@@ -49,7 +62,7 @@ impl Estimated {
     /// Whether all steps are equal, as far as can be told.
     pub(crate) fn are_equal(&self) -> bool {
         let (least, most) = self.steps();
-        least > 1.0 - EQUAL && most < 1.0 + EQUAL
+        least > 1.0 - self.equal && most < 1.0 + self.equal
     }
 }
 
@@ -111,9 +124,6 @@ pub(crate) fn estimated(
     size: Size,
     mut pixels: impl FnMut(usize) -> Result<Vec<u8>, SourceError>,
 ) -> Result<Option<Estimated>, SourceError> {
-    if frames > MOST_FRAMES {
-        return Ok(None);
-    }
     let mut search = Search::new(size);
     let mut places = vec![0.0];
     let mut anchor = Anchor {
@@ -124,6 +134,8 @@ pub(crate) fn estimated(
     // Until the camera has moved nothing is known of the scene: ways from the first frame.
     let mut before: Vec<Ways> = Vec::new();
     let (mut last_step, mut in_a_row) = (0.0, 0);
+    // Pixels that the median block goes when the camera moves by one.
+    let mut speeds = Vec::new();
     for frame in 1..frames {
         let here = pixels(frame)?;
         let seen = search.ways(&anchor.pixels, &here);
@@ -158,6 +170,9 @@ pub(crate) fn estimated(
         let place = measured.unwrap_or(latest + last_step);
         last_step = place - latest;
         places.push(place);
+        if measured.is_some() && (median >= FAR_PX || frame + 1 == frames) {
+            speeds.push(median / (place - anchor.place).abs() as f32);
+        }
         if measured.is_some() && median >= FAR_PX {
             let back = search.ways(&here, &anchor.pixels);
             let way = (place - anchor.place) as f32;
@@ -169,7 +184,7 @@ pub(crate) fn estimated(
             };
         }
     }
-    Ok(in_usual_steps(places))
+    Ok(quantile(speeds, 0.5).and_then(|speed| in_usual_steps(&places, f64::from(speed))))
 }
 
 /// How far the camera moved for blocks to go these ways: the median of what each says that goes far enough to tell; `None`
@@ -190,13 +205,10 @@ fn ratio(ways: &Ways, disparities: &Ways) -> Option<f64> {
     (error <= UNSURE * middle.abs().max(1.0)).then_some(middle)
 }
 
-/// The places in units of the usual step: the median of those at which the camera moved. `None` when it did not.
-fn in_usual_steps(places: Vec<f64>) -> Option<Estimated> {
-    let steps = places.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    let longest = steps.clone().fold(0.0, f64::max);
-    let mut steps: Vec<f64> = steps.filter(|step| *step > 0.1 * longest).collect();
-    steps.sort_by(f64::total_cmp);
-    let usual = *steps.get(steps.len() / 2)?;
+/// The places in units of the usual step: the median of those at which the camera moved; the median block goes so many
+/// pixels for a unit. `None` when it did not move.
+fn in_usual_steps(places: &[f64], speed: f64) -> Option<Estimated> {
+    let usual = usual_step(places)?;
     // What is left of a step where the camera stood still is the estimate's own.
     let mut place = 0.0;
     let mut settled = vec![0.0];
@@ -205,7 +217,11 @@ fn in_usual_steps(places: Vec<f64>) -> Option<Estimated> {
         place += if step.abs() < EQUAL { 0.0 } else { step };
         settled.push(place);
     }
-    Some(Estimated { places: settled })
+    let equal = (EQUAL_PX / (speed * usual)).clamp(EQUAL, MOST_EQUAL);
+    Some(Estimated {
+        places: settled,
+        equal,
+    })
 }
 
 #[cfg(test)]

@@ -36,6 +36,8 @@ pub(crate) fn read(path: &Path, frames: usize) -> Result<Positions, SourceError>
 }
 
 fn parse(text: &str, frames: usize) -> Result<Positions, String> {
+    // Spreadsheets put a byte order mark before it.
+    let text = text.trim_start_matches('\u{feff}');
     let cells = |line: &str| -> Vec<String> {
         let split = line.split(|c: char| c == ',' || c == ';' || c.is_whitespace());
         let cells = split.filter(|cell| !cell.is_empty());
@@ -69,6 +71,16 @@ fn parse(text: &str, frames: usize) -> Result<Positions, String> {
             break;
         }
         let cells = cells(line);
+        if cells.len() > head.len() {
+            return Err(format!(
+                "line {number} has {} values, and the first line names {}; numbers are written with a point, as in 12.5",
+                cells.len(),
+                match head.len() {
+                    1 => "1 column".to_owned(),
+                    columns => format!("{columns} columns"),
+                }
+            ));
+        }
         let value = |column: usize| -> Result<f64, String> {
             let cell = cells.get(column).map_or("", |cell| cell);
             let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
@@ -115,6 +127,8 @@ mod tests {
             read("position_m\n1\n0.5")
         );
         assert_eq!(read("position_steps\n0\n-1"), Ok((vec![0.0, -1.0], false)));
+        let of_a_spreadsheet = "\u{feff}frame;position_mm\r\n0;0\r\n1;2.5\r\n";
+        assert_eq!(read(of_a_spreadsheet), Ok((vec![0.0, 0.0025], true)));
     }
 
     #[test]
@@ -136,6 +150,10 @@ mod tests {
             (
                 "frame,position_m\n0,1\n2,3",
                 "line 3 must be of frame 1, not 2: frames are counted from 0 without gaps",
+            ),
+            (
+                "frame;position_mm\n0;0,0\n1;12,5",
+                "line 2 has 3 values, and the first line names 2 columns; numbers are written with a point, as in 12.5",
             ),
             (
                 "position_m\n1\nnan",

@@ -6,7 +6,7 @@ use messages::{Calibration, Size};
 
 use crate::error::SourceError;
 use crate::motion::{Picture, SPACING, moved, quantile};
-use crate::pace;
+use crate::pace::{self, Estimated};
 use crate::positions;
 use crate::settings::Settings;
 
@@ -19,6 +19,10 @@ const MOST_OF_WIDTH: f32 = 1.0 / 32.0;
 const FRAMES_A_STRIDE: u64 = 4;
 /// The longest stride that is chosen, and that can be set.
 const LONGEST_STRIDE: u64 = 32;
+/// Share of the usual step up to which the camera counts as standing still: an encoder trembles, an estimate errs.
+const STILL: f64 = 0.1;
+/// Pixels by which something moves between neighbours in a triple where the camera moves.
+const LEAST_MOTION_PX: f32 = 1.0;
 /// Rows a baseline of drift that are taken for level: the estimate itself is no better.
 const LEVEL_PX: f64 = 0.05;
 /// Rows over a whole triple that can be made good.
@@ -31,6 +35,10 @@ pub(crate) struct Rail {
     pub(crate) order: Vec<usize>,
     /// Where each was taken, in metres.
     pub(crate) positions_m: Vec<f64>,
+    /// The same in the source's own steps, where only looking at all the pictures told.
+    pub(crate) places: Option<Vec<f64>>,
+    /// Steps of the source's own in a baseline.
+    pub(crate) own_steps: f64,
     pub(crate) rail: messages::Rail,
     /// What nearly all disparities lie between, in pixels a baseline, where they were looked at.
     pub(crate) disparities: Option<(f32, f32)>,
@@ -44,8 +52,10 @@ pub(crate) struct Rail {
 pub(crate) struct Passed {
     /// Which pictures of the source.
     pub(crate) order: Vec<usize>,
-    /// Where each was taken, in steps or in metres.
-    pub(crate) positions: Vec<f64>,
+    /// Where each was taken, in the source's own steps.
+    pub(crate) own_steps: Vec<f64>,
+    /// The same, where it was estimated before.
+    pub(crate) places: Option<Vec<f64>>,
     /// Whether the source itself says where.
     pub(crate) is_described: bool,
 }
@@ -59,12 +69,33 @@ struct Survey {
     drift: f32,
 }
 
+impl Survey {
+    /// What is near moves against the camera.
+    fn is_to_the_left(&self) -> bool {
+        self.disparities.0 + self.disparities.1 < 0.0
+    }
+
+    /// Nearly the least and nearly the greatest disparity over so many units of position.
+    fn over(&self, units: f32) -> (f32, f32) {
+        (self.disparities.0 * units, self.disparities.1 * units)
+    }
+
+    /// The same for positions that count the other way.
+    fn mirrored(self) -> Self {
+        let (least, most) = self.disparities;
+        Self {
+            disparities: (-most, -least),
+            drift: -self.drift,
+        }
+    }
+}
+
 impl Rail {
     /// The rail along these pictures; `pixels` gives one of them, and `camera` the calibration of a baseline that is one
     /// unit of position, which may be metres, with what is to be said about it.
     pub(crate) fn new(
         settings: &Settings,
-        mut path: Passed,
+        path: Passed,
         size: Size,
         camera: impl FnOnce(bool) -> Result<(Calibration, Vec<String>), SourceError>,
         mut pixels: impl FnMut(usize) -> Result<Vec<u8>, SourceError>,
@@ -72,61 +103,74 @@ impl Rail {
         if settings.speed.is_some() {
             return Err(SourceError::SpeedOfFiles);
         }
-        let mut notices = Vec::new();
-        let mut in_metres = false;
+        let frames = path.order.len();
+        let (mut notices, mut in_metres) = (Vec::new(), false);
+        let is_guessed =
+            settings.positions.is_none() && !path.is_described && path.places.is_none();
+        let mut positions = path.places.unwrap_or_else(|| path.own_steps.clone());
         if let Some(file) = &settings.positions {
-            let read = positions::read(Path::new(file), path.order.len())?;
-            (path.positions, in_metres) = (read.values, read.in_metres);
+            let read = positions::read(Path::new(file), frames)?;
+            (positions, in_metres) = (read.values, read.in_metres);
         }
         let (camera, mut warnings) = camera(in_metres)?;
-        let is_guessed = settings.positions.is_none() && !path.is_described;
-        let estimated = match is_guessed {
-            true => pace::estimated(path.order.len(), size, |frame| pixels(path.order[frame]))?,
-            false => None,
-        };
-        if let Some(estimated) = &estimated
-            && !estimated.are_equal()
-        {
-            path.positions.clone_from(&estimated.places);
+        let mut estimated = None;
+        let most = pace::most_frames(size);
+        if is_guessed && frames > most {
+            warnings.push(format!(
+                "where {frames} frames were taken is not estimated from the images, at most {most} are: pauses and turns are not known; set capture.positions"
+            ));
+        } else if is_guessed {
+            estimated = pace::estimated(frames, size, |frame| pixels(path.order[frame]))?;
         }
-        let nominal = nominal_step(&path.positions).ok_or(SourceError::NoMotion {
-            frames: path.order.len(),
-        })?;
-        let turns = turns(&path.positions);
+        if let Some(estimated) = estimated
+            .as_ref()
+            .filter(|estimated| !estimated.are_equal())
+        {
+            positions.clone_from(&estimated.places);
+        }
+        let nominal = usual_step(&positions).ok_or(SourceError::NoMotion { frames })?;
+        let turns = turns(&positions, nominal);
         if turns > 0 && settings.positions.is_some() {
             notices.push(format!("the camera turns back {turns} times"));
         }
-        let longest = (path.order.len() as u64 - 1) / 2;
-        let longest = longest.clamp(1, LONGEST_STRIDE);
+        let longest = ((frames as u64 - 1) / 2).clamp(1, LONGEST_STRIDE);
         if let Some(stride) = settings.stride.filter(|&stride| stride > longest) {
-            let frames = path.order.len();
             return Err(SourceError::Stride {
                 stride,
                 longest,
                 frames,
             });
         }
-        let mut look = |apart: usize| -> Result<Option<Survey>, SourceError> {
-            survey(&path, apart, size, &mut pixels)
-        };
-        let near = match settings.stride {
-            Some(_) if !is_guessed => None,
-            _ => look(1)?,
-        };
-        let per_step = |(least, most): (f32, f32)| least.abs().max(most.abs()) * nominal as f32;
-        let stride = settings.stride.unwrap_or_else(|| {
-            let greatest = near.map_or(0.0, |near| per_step(near.disparities)).max(0.5);
-            let fit = (MOST_OF_WIDTH * size.width as f32 / greatest).floor() as u64;
-            fit.clamp(
-                1,
-                (path.order.len() as u64 / FRAMES_A_STRIDE).clamp(1, longest),
+        let mut look = |positions: &[f64], apart: usize| {
+            survey(
+                &path.order,
+                positions,
+                STILL * nominal,
+                apart,
+                size,
+                &mut pixels,
             )
-        });
-        let baseline = nominal * stride as f64;
-        let far = match settings.drift {
-            None => look((2 * stride as usize).min(path.order.len() - 1))?,
-            Some(_) => None,
         };
+        let mut near = match settings.stride {
+            Some(_) if !is_guessed => None,
+            _ => look(&positions, 1)?,
+        };
+        let stride = settings.stride.unwrap_or_else(|| match near {
+            Some(near) => fitting_stride(&near, nominal, size, frames as u64).min(longest),
+            None => 1,
+        });
+        let mut far = match settings.drift {
+            // It may be all that shows which way the camera goes.
+            Some(_) if !is_guessed || near.is_some() => None,
+            _ => look(&positions, (2 * stride as usize).min(frames - 1))?,
+        };
+        let is_to_the_left = is_guessed && near.or(far).is_some_and(|seen| seen.is_to_the_left());
+        if is_to_the_left {
+            positions.iter_mut().for_each(|place| *place = -*place);
+            near = near.map(Survey::mirrored);
+            far = far.map(Survey::mirrored);
+        }
+        let baseline = nominal * stride as f64;
         let drift_px = settings.drift.unwrap_or_else(|| {
             let drift = far.map_or(0.0, |far| f64::from(far.drift) * baseline);
             if drift.abs() < LEVEL_PX { 0.0 } else { drift }
@@ -136,6 +180,12 @@ impl Rail {
                 1 => "frames that follow each other are matched; set stride".to_owned(),
                 _ => format!("frames {stride} apart are matched; set stride"),
             });
+            if near.is_none() {
+                warnings.push(
+                    "how far things move from frame to frame could not be seen, so stride is a guess: set stride so that they move by at most an eighth of the width"
+                        .to_owned(),
+                );
+            }
         }
         if (2.0 * drift_px).abs() > MOST_DRIFT_PX {
             warnings.push(format!(
@@ -147,47 +197,30 @@ impl Rail {
                 "the picture drifts {drift_px:.2} rows a baseline, which is made good; set drift"
             ));
         }
-        let step_m = camera.baseline_m;
-        let calibration = Calibration {
-            baseline_m: step_m * baseline,
-            ..camera
-        };
-        let mut seen = near.or(far).map(|seen| seen.disparities);
+        let disparities = near.or(far).map(|seen| seen.over(baseline as f32));
+        warnings.extend(disparities.and_then(doubt));
         if is_guessed {
-            // What is near moves against the camera.
-            let is_to_the_left = seen.is_some_and(|(least, most)| least + most < 0.0);
-            if is_to_the_left {
-                path.positions.iter_mut().for_each(|place| *place = -*place);
-                seen = seen.map(|(least, most)| (-most, -least));
-            }
-            let way = if is_to_the_left { "left" } else { "right" };
-            let steps = match &estimated {
-                Some(estimated) if estimated.are_equal() => {
-                    format!("the images show equal steps to the {way}")
-                }
-                Some(estimated) => {
-                    let (least, most) = estimated.steps();
-                    format!(
-                        "estimated from the images, steps to the {way} are {least:.2} to {most:.2} of the usual one"
-                    )
-                }
-                None => format!("equal steps to the {way} are assumed"),
-            };
             notices.push(format!(
-                "where the frames were taken is not said: {steps}; set positions"
+                "where the frames were taken is not said: {}; set positions",
+                said_of_steps(estimated.as_ref(), is_to_the_left)
             ));
         }
+        let step_m = camera.baseline_m;
         Ok(Self {
-            positions_m: path.positions.iter().map(|place| place * step_m).collect(),
+            positions_m: positions.iter().map(|place| place * step_m).collect(),
+            places: is_guessed.then_some(positions),
+            own_steps: usual_step(&path.own_steps).unwrap_or(1.0) * stride as f64,
             order: path.order,
             rail: messages::Rail {
                 stride,
                 drift_px,
                 follow: 0,
             },
-            disparities: seen
-                .map(|(least, most)| (least * baseline as f32, most * baseline as f32)),
-            calibration,
+            disparities,
+            calibration: Calibration {
+                baseline_m: step_m * baseline,
+                ..camera
+            },
             notices,
             warnings,
         })
@@ -200,44 +233,95 @@ impl Rail {
     }
 }
 
-/// The distance between frames that follow each other: the median of those at which the camera moved.
-fn nominal_step(positions: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> = positions
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .collect();
-    steps.retain(|step| *step > 0.0);
+/// What the pictures say against it that anything can be matched: by disparities in pixels a baseline.
+fn doubt((least, most): (f32, f32)) -> Option<String> {
+    let fastest = least.abs().max(most.abs());
+    if fastest < LEAST_MOTION_PX {
+        return Some(format!(
+            "hardly anything moves between the frames of a triple ({fastest:.1} px at most): does the camera move?"
+        ));
+    }
+    (most < -LEAST_MOTION_PX).then(|| {
+        format!(
+            "everything moves with the camera, by {:.1} to {:.1} px, as where positions count the other way: change their sign",
+            -most, -least
+        )
+    })
+}
+
+/// What is said of steps of which nobody else says anything.
+fn said_of_steps(estimated: Option<&Estimated>, is_to_the_left: bool) -> String {
+    let way = if is_to_the_left { "left" } else { "right" };
+    match estimated {
+        Some(estimated) if estimated.are_equal() => {
+            format!("the images show equal steps to the {way}")
+        }
+        Some(estimated) => {
+            let (least, most) = estimated.steps();
+            format!(
+                "estimated from the images, steps to the {way} are {least:.2} to {most:.2} of the usual one"
+            )
+        }
+        None => format!("equal steps to the {way} are assumed"),
+    }
+}
+
+/// The longest stride at which nearly all disparities are less than [`MOST_OF_WIDTH`].
+fn fitting_stride(seen: &Survey, nominal: f64, size: Size, frames: u64) -> u64 {
+    let (least, most) = seen.disparities;
+    let greatest = least.abs().max(most.abs()) * nominal as f32;
+    let fit = (MOST_OF_WIDTH * size.width as f32 / greatest.max(0.5)).floor() as u64;
+    fit.min(frames / FRAMES_A_STRIDE).max(1)
+}
+
+/// The distance between frames that follow each other: the median of those at which the camera moved. `None` when it did
+/// not.
+pub(crate) fn usual_step(positions: &[f64]) -> Option<f64> {
+    let steps = positions.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
     steps.sort_by(f64::total_cmp);
+    // Where half of the way is gone: an encoder trembles while the camera rests, and that is no way.
+    let half = steps.iter().sum::<f64>() / 2.0;
+    let mut gone = 0.0;
+    let is_half = |step: &&f64| {
+        gone += **step;
+        gone >= half
+    };
+    let typical = *steps.iter().find(is_half)?;
+    steps.retain(|step| *step > STILL * typical);
     steps.get(steps.len() / 2).copied()
 }
 
 /// How often the camera turns back.
-fn turns(positions: &[f64]) -> usize {
+fn turns(positions: &[f64], nominal: f64) -> usize {
     let steps = positions.windows(2).map(|pair| pair[1] - pair[0]);
-    let moves: Vec<f64> = steps.filter(|step| *step != 0.0).collect();
+    let moves: Vec<f64> = steps.filter(|step| step.abs() > STILL * nominal).collect();
     moves
         .windows(2)
         .filter(|pair| pair[0] * pair[1] < 0.0)
         .count()
 }
 
-/// Looks at pairs of frames so far apart, evenly along the rail. `None` when nothing was seen to move.
+/// Looks at pairs of frames so far apart, evenly along the rail, of those between which the camera moved by more than
+/// `still`. `None` when nothing was seen to move.
 fn survey(
-    path: &Passed,
+    order: &[usize],
+    positions: &[f64],
+    still: f64,
     apart: usize,
     size: Size,
     pixels: &mut impl FnMut(usize) -> Result<Vec<u8>, SourceError>,
 ) -> Result<Option<Survey>, SourceError> {
-    let last = path.order.len() - apart;
-    let looks = LOOKS.min(last);
+    let step = |at: usize| positions[at + apart] - positions[at];
+    let moving: Vec<usize> = (0..order.len() - apart)
+        .filter(|&at| step(at).abs() > still)
+        .collect();
+    let looks = LOOKS.min(moving.len());
     let (mut disparities, mut drifts) = (Vec::new(), Vec::new());
     for look in 0..looks {
-        let at = look * (last - 1) / (looks - 1).max(1);
-        let step = (path.positions[at + apart] - path.positions[at]) as f32;
-        if step == 0.0 {
-            continue;
-        }
-        let pair = [pixels(path.order[at])?, pixels(path.order[at + apart])?];
+        let at = moving[look * (moving.len() - 1) / (looks - 1).max(1)];
+        let step = step(at) as f32;
+        let pair = [pixels(order[at])?, pixels(order[at + apart])?];
         let picture = |pixels| Picture { size, pixels };
         let reach = (size.width as usize / 6).max(8);
         for found in moved(&picture(&pair[0]), &picture(&pair[1]), reach, SPACING) {
@@ -268,14 +352,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nominal_step_is_the_median_of_those_that_were_made() {
-        assert_eq!(nominal_step(&[0.0, 1.0, 1.0, 2.1, 1.1]), Some(1.0));
-        assert_eq!(nominal_step(&[3.0, 3.0]), None);
+    fn the_usual_step_is_the_median_of_those_that_were_made() {
+        assert_eq!(usual_step(&[0.0, 1.0, 1.0, 2.1, 1.1]), Some(1.0));
+        assert_eq!(usual_step(&[3.0, 3.0]), None);
     }
 
     #[test]
     fn turning_back_is_counted_whether_or_not_the_camera_pauses() {
-        assert_eq!(turns(&[0.0, 1.0, 2.0, 2.0, 1.0, 0.0, 1.0]), 2);
-        assert_eq!(turns(&[0.0, 1.0, 1.0, 2.0]), 0);
+        assert_eq!(turns(&[0.0, 1.0, 2.0, 2.0, 1.0, 0.0, 1.0], 1.0), 2);
+        assert_eq!(turns(&[0.0, 1.0, 1.0, 2.0], 1.0), 0);
     }
 }

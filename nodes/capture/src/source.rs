@@ -64,6 +64,14 @@ impl Source {
     /// # Errors
     /// What is wrong with the source or the settings, in one sentence.
     pub fn open(settings: &Settings) -> Result<Self, SourceError> {
+        Self::open_at(settings, &[])
+    }
+
+    /// Opens a source that told [`Self::places`] when it was opened before, and need not look at all its pictures again.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_at(settings: &Settings, places: &[f64]) -> Result<Self, SourceError> {
         settings.check()?;
         #[cfg(feature = "node")]
         if let Some(way) = live::Way::of(&settings.source)? {
@@ -71,7 +79,7 @@ impl Source {
         }
         match settings.source.strip_prefix("scene:") {
             Some(name) => Self::rendered(name, settings),
-            None => Self::folders(Path::new(&settings.source), settings),
+            None => Self::folders(Path::new(&settings.source), settings, places),
         }
     }
 
@@ -128,7 +136,8 @@ impl Source {
         let last = scene::POSITIONS - 1;
         let order: Vec<usize> = (0..last).chain((1..=last).rev()).collect();
         let passed = Passed {
-            positions: order.iter().map(|&position| position as f64).collect(),
+            own_steps: order.iter().map(|&position| position as f64).collect(),
+            places: None,
             order,
             is_described: true,
         };
@@ -192,11 +201,11 @@ impl Source {
         }
     }
 
-    fn folders(path: &Path, settings: &Settings) -> Result<Self, SourceError> {
+    fn folders(path: &Path, settings: &Settings, places: &[f64]) -> Result<Self, SourceError> {
         folder::check(path, settings::nearest(&settings.source, known_scenes()))?;
         let albums = folder::open(path, &settings.views, settings.mode)?;
         if settings.mode == Mode::Rail {
-            return Self::folder_rail(albums, settings);
+            return Self::folder_rail(albums, settings, places);
         }
         let sizes: Vec<Size> = albums.iter().map(|album| album.size).collect();
         let rectifier = Rectifier::open(settings, albums[0].shots.len(), &sizes)?;
@@ -222,16 +231,25 @@ impl Source {
     }
 
     /// The images of a folder as the frames of one camera.
-    fn folder_rail(albums: Vec<Album>, settings: &Settings) -> Result<Self, SourceError> {
+    fn folder_rail(
+        albums: Vec<Album>,
+        settings: &Settings,
+        places: &[f64],
+    ) -> Result<Self, SourceError> {
         let [album] = &albums[..] else {
             return Err(SourceError::OneScene {
                 scene: settings.source.clone(),
                 count: albums.len(),
             });
         };
+        let own_steps = album.shots.iter().map(|shot| shot.position);
         let passed = Passed {
             order: (0..album.shots.len()).collect(),
-            positions: album.shots.iter().map(|shot| shot.position).collect(),
+            own_steps: own_steps.collect(),
+            places: match places.len() == album.shots.len() {
+                true => Some(places.to_vec()),
+                false => None,
+            },
             is_described: album.is_described,
         };
         let size = album.size;
@@ -276,6 +294,11 @@ impl Source {
     /// Where the camera of a rail stood when it took a frame, in metres.
     pub fn position_m(&self, scan: u64) -> Option<f64> {
         Some(self.rail.as_ref()?.frame(scan).1)
+    }
+
+    /// Where a rail's frames were taken, in the source's own steps, where only looking at all of them told.
+    pub fn places(&self) -> Option<&[f64]> {
+        self.rail.as_ref()?.places.as_deref()
     }
 
     /// What nearly all disparities of a rail lie between, in pixels a baseline, where its pictures were looked at.
@@ -483,11 +506,8 @@ impl Source {
         };
         // Of a rail it is known for a step, and wanted for a baseline.
         if let (Some(rail), Some(truth)) = (&self.rail, &mut truth) {
-            let stride = rail.rail.stride as f32;
-            truth
-                .disparity
-                .iter_mut()
-                .for_each(|value| *value *= stride);
+            let steps = rail.own_steps as f32;
+            truth.disparity.iter_mut().for_each(|value| *value *= steps);
         }
         Ok(truth)
     }
@@ -594,6 +614,7 @@ fn unit_camera(
     own: Known,
     size: Size,
 ) -> Result<(Calibration, Vec<String>), SourceError> {
+    let unused = settings.baseline.filter(|_| in_metres);
     let settings = Settings {
         baseline: if in_metres {
             Some(1.0)
@@ -602,7 +623,12 @@ fn unit_camera(
         },
         ..settings.clone()
     };
-    let (camera, warnings) = calibration(&settings, own, &[size])?;
+    let (camera, mut warnings) = calibration(&settings, own, &[size])?;
+    if let Some(unused) = unused {
+        warnings.push(format!(
+            "positions are in metres, so baseline, set to {unused} m, says nothing; leave it away"
+        ));
+    }
     Ok((camera.unwrap_or(Calibration::assumed(size)), warnings))
 }
 

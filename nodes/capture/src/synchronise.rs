@@ -285,6 +285,15 @@ impl<F> Synchroniser<F> {
         }
     }
 
+    /// The scan that was given last did not go in, because the run ended.
+    pub fn take_back(&mut self) {
+        self.scans -= 1;
+        for camera in &mut self.cameras {
+            camera.matched -= 1;
+            camera.count(Cause::Over);
+        }
+    }
+
     /// The next scan that is complete beyond doubt.
     pub fn next_scan(&mut self) -> Option<Scan<F>> {
         loop {
@@ -820,5 +829,21 @@ mod tests {
         let account = assert_balanced(&synchroniser, 3);
         assert_eq!(account.cameras[0].dropped["the run ended"], 1);
         assert_eq!(account.cameras[2].received, 3);
+
+        let mut synchroniser = Synchroniser::new(3, MILLISECOND, 8);
+        for time in [5, 5_000_000] {
+            (0..3).for_each(|camera| synchroniser.push(camera, time, time));
+        }
+        assert!(synchroniser.next_scan().is_some());
+        synchroniser.take_back();
+        synchroniser.finish();
+        let account = assert_balanced(&synchroniser, 3);
+        assert_eq!(account.scans, 0);
+        assert!(
+            account
+                .cameras
+                .iter()
+                .all(|camera| camera.dropped["the run ended"] == 2)
+        );
     }
 }

@@ -441,6 +441,25 @@ fn a_calibration_for_another_resolution_is_refused() {
     // A file that does not say its size is given away by its principal point.
     let other = bench.opencv().replace("image_width", "other_width");
     assert!(Source::open(&bench.settings(std::slice::from_ref(&other))).is_ok());
+    let scenes = bench.folder.path().join("scenes");
+    for (scene, more) in [("one", 0), ("two", 8)] {
+        fs::create_dir_all(scenes.join(scene)).unwrap();
+        for view in 0..3 {
+            let image = GrayImage::new(SIZE.width + more, SIZE.height);
+            image
+                .save(scenes.join(format!("{scene}/{view}.png")))
+                .unwrap();
+        }
+    }
+    let of_two_sizes = Settings {
+        source: scenes.display().to_string(),
+        ..bench.settings(std::slice::from_ref(&other))
+    };
+    let refused = Source::open(&of_two_sizes).unwrap_err().to_string();
+    assert!(
+        refused.contains("one calibration is for images of one size, and there are scans of 512x480 and of 520x480 pixels"),
+        "{refused}"
+    );
     let other = other.replace("258.0", "516.0");
     assert_eq!(
         bench.refusal(&[other]),

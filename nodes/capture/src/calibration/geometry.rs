@@ -10,6 +10,8 @@ use super::{Mount, Mounted, Why};
 const MOST_UNEQUAL: f64 = 0.1;
 /// Steps that differ by more of their mean are told.
 const TOLD_UNEQUAL: f64 = 0.002;
+/// Steps that are longer are told, in metres.
+const LONGEST_STEP_M: f64 = 10.0;
 /// Views that show less than this part of what the middle of a picture shows are refused.
 const LEAST_PART: f64 = 0.25;
 
@@ -202,6 +204,11 @@ impl Geometry {
             self.unequal() * 1e2,
             self.off_line_m * 1e3
         ));
+        if baseline_m > LONGEST_STEP_M {
+            warnings.push(format!(
+                "the cameras stand {baseline_m:.0} m apart: lengths in calibration files are metres; are these millimetres?"
+            ));
+        }
         if self.unequal() > TOLD_UNEQUAL {
             warnings.push(format!(
                 "the steps between the cameras differ from their mean by up to {:.1} %, and equal ones are matched: a disparity of 50 px misses by {:.1} px in the third view; `tricurve check-geometry` says whether that will do",

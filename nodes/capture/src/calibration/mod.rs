@@ -104,6 +104,13 @@ fn wrong(path: &Path) -> impl FnOnce(Why) -> SourceError {
     move |why| SourceError::CameraInfo { path, why }
 }
 
+/// The first size and one that is another.
+fn differing(sizes: &[Size]) -> Option<(Size, Size)> {
+    let (first, others) = sizes.split_first()?;
+    let other = others.iter().find(|size| *size != first)?;
+    Some((*first, *other))
+}
+
 /// Checks that there is a camera a view, calibrated for images of these sizes.
 fn check(mounted: &[Mounted], views: usize, sizes: &[Size]) -> Result<(), Why> {
     let names: Vec<&str> = mounted.iter().map(|one| one.name.as_str()).collect();
@@ -116,6 +123,11 @@ fn check(mounted: &[Mounted], views: usize, sizes: &[Size]) -> Result<(), Why> {
                 1 => "is 1 view".to_owned(),
                 _ => format!("are {views} views"),
             }
+        ));
+    }
+    if let Some((first, other)) = differing(sizes) {
+        return Err(format!(
+            "one calibration is for images of one size, and there are scans of {first} and of {other} pixels: run them one by one"
         ));
     }
     for Mounted { name, camera, .. } in mounted {

@@ -24,6 +24,9 @@ pub(crate) struct Pace {
     pub(crate) interval: u64,
 }
 
+/// Nanoseconds for which a restart may last.
+const LONGEST: u64 = 3600 * 1_000_000_000;
+
 impl Pace {
     /// A scan was taken.
     pub(crate) fn advance(&mut self, nanos: u64) {
@@ -39,10 +42,11 @@ impl Pace {
         self.last = nanos;
     }
 
-    /// Scans that were missed before one taken at this time.
+    /// Scans that were missed before one taken at this time; where that is far ahead a clock was set, and nobody knows.
     pub(crate) fn missed(&self, nanos: u64) -> u64 {
         match (self.last, self.interval) {
             (0, _) | (_, 0) => 0,
+            (last, _) if nanos.saturating_sub(last) > LONGEST => 0,
             (last, interval) => {
                 let intervals = (nanos.saturating_sub(last) + interval / 2) / interval;
                 intervals.saturating_sub(1)
@@ -176,5 +180,6 @@ mod tests {
         assert_eq!(pace.missed(1_000_000 + 100 * 33_000), 0);
         let missed = pace.missed(1_000_000 + 130 * 33_000);
         assert!((29..=32).contains(&missed), "{missed}");
+        assert_eq!(pace.missed(1_800_000_000_000_000_000), 0);
     }
 }

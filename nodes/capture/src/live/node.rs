@@ -93,15 +93,10 @@ pub(crate) fn run(
         cameras.hear_done(bus)?;
         if !is_over {
             cameras.take_in(bus);
-            loop {
-                next = match next.take() {
-                    Some(scan) => Some(scan),
-                    None => cameras.next(bus),
-                };
-                let Some(scan) = next.take() else { break };
-                if cameras.gate.door().next_tick() >= total {
+            while cameras.gate.door().next_tick() < total {
+                let Some(scan) = next.take().or_else(|| cameras.next(bus)) else {
                     break;
-                }
+                };
                 if !is_held && pause.lets_go() && cameras.gate.door().is_open() {
                     pause.went();
                     watch.came();
@@ -124,6 +119,9 @@ pub(crate) fn run(
         watch.look(bus, &cameras, is_over || is_paused);
         if is_over && cameras.gate.door().is_idle() && !has_finished {
             has_finished = true;
+            if next.take().is_some() {
+                cameras.synchroniser.take_back();
+            }
             cameras.synchroniser.finish();
             bus.synchronised(cameras.account());
             let counts = [("scans", cameras.gate.door().admitted())];
