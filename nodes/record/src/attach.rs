@@ -167,6 +167,17 @@ struct Memory {
     metadata: Metadata,
 }
 
+/// Keeps a scan beside those of the last seconds, and gives those that were taken too long before it; or after it, where a
+/// player sought back or a clock was set back.
+fn keep(kept: &mut VecDeque<Batch>, seconds: f64, batch: Batch) -> Vec<Batch> {
+    let now = batch.nanos();
+    let is_of_now = |kept: &Batch| kept.nanos().abs_diff(now) as f64 <= seconds * 1e9;
+    let gone = kept.iter().take_while(|kept| !is_of_now(kept)).count();
+    let gone = kept.drain(..gone).collect();
+    kept.push_back(batch);
+    gone
+}
+
 struct Recorder {
     /// The run's folder.
     root: PathBuf,
@@ -198,15 +209,8 @@ impl Recorder {
                 thread.write(batch);
             }
             Keep::Memory(memory) => {
-                let oldest = batch.nanos().saturating_sub((memory.seconds * 1e9) as u64);
-                memory.kept.push_back(batch);
-                while memory
-                    .kept
-                    .front()
-                    .is_some_and(|batch| batch.nanos() < oldest)
-                {
-                    self.spare.extend(memory.kept.pop_front());
-                }
+                let gone = keep(&mut memory.kept, memory.seconds, batch);
+                self.spare.extend(gone);
             }
         }
         Ok(())
@@ -284,4 +288,27 @@ fn free_name(path: &Path) -> PathBuf {
         .map(numbered)
         .find(|path| !path.exists())
         .unwrap_or_else(|| path.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_seconds_are_kept_and_no_more_when_time_goes_back() {
+        let mut all = VecDeque::new();
+        let mut keep = |second: u64| {
+            keep(&mut all, 10.0, Batch::taken_at(second * 1_000_000_000));
+            let kept = all.iter().map(|batch| batch.nanos() / 1_000_000_000);
+            kept.collect::<Vec<_>>()
+        };
+        for second in 1000..1030 {
+            keep(second);
+        }
+        assert_eq!(keep(1030), (1020..=1030).collect::<Vec<_>>());
+        assert_eq!(keep(400), [400]);
+        assert_eq!(keep(401), [400, 401]);
+        // A little is no other place.
+        assert_eq!(keep(399), [400, 401, 399]);
+    }
 }

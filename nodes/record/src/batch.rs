@@ -26,6 +26,15 @@ pub struct Batch {
 const HEAD: usize = RECORD_HEAD as usize + MESSAGE_HEAD;
 
 impl Batch {
+    /// An empty one.
+    #[cfg(test)]
+    pub(crate) fn taken_at(nanos: u64) -> Self {
+        Self {
+            nanos,
+            ..Self::default()
+        }
+    }
+
     /// The scan.
     pub fn sequence(&self) -> u64 {
         self.sequence

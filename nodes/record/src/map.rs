@@ -13,17 +13,18 @@ pub(crate) fn whole_map(recording: &mut Recording) -> Result<Option<Vec<MapPoint
         let topic = Topic::of(&recording.metadata().rig, kind).pop();
         topic.filter(|topic| recording.channels().contains_key(&*topic.name))
     };
-    let (Some(settled), Some(growing)) = (of(recording, Kind::Map), of(recording, Kind::Growing))
-    else {
+    let Some(settled) = of(recording, Kind::Map) else {
         return Ok(None);
     };
+    // It may have been left out.
+    let growing = of(recording, Kind::Growing);
     let mut points = Vec::new();
     let scans = recording.whole_scans();
     for &scan in &scans {
         let read: Owned<Map> = recording.read(scan, &settled)?;
         points.extend_from_slice(read.view().points);
     }
-    if let Some(&last) = scans.last() {
+    if let (Some(&last), Some(growing)) = (scans.last(), growing) {
         let read: Owned<Growing> = recording.read(last, &growing)?;
         points.extend_from_slice(read.view().points);
     }

@@ -421,7 +421,7 @@ impl Rewriter {
             seconds,
             scans,
         } = self.split;
-        let elapsed = scan.nanos.saturating_sub(part.first_nanos) as f64 / 1e9;
+        let elapsed = scan.nanos.abs_diff(part.first_nanos) as f64 / 1e9;
         bytes.is_some_and(|most| part.bytes >= most)
             || seconds.is_some_and(|most| elapsed >= most)
             || scans.is_some_and(|most| part.scans >= most)

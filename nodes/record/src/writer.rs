@@ -399,7 +399,8 @@ impl Writer {
         let Some(first) = part.first_nanos.filter(|_| !batch.is_closing()) else {
             return false;
         };
-        let seconds = batch.nanos().saturating_sub(first) as f64 / 1e9;
+        // A clock that was set back begins a new part too.
+        let seconds = batch.nanos().abs_diff(first) as f64 / 1e9;
         self.settings
             .max_bytes
             .is_some_and(|most| part.sink.len() >= most)

@@ -426,6 +426,29 @@ fn a_recording_that_is_being_written_is_left_alone() {
 // ---- parts ----
 
 #[test]
+fn a_clock_that_is_set_back_begins_a_new_part() {
+    let (_folder, path) = folder();
+    let settings = Settings {
+        max_seconds: Some(60.0),
+        ..Settings::default()
+    };
+    let (mut writer, mut encoder) = create(&path, &settings);
+    for sequence in 0..6 {
+        let set_back = if sequence < 3 { 0 } else { 3_600_000_000_000 };
+        let nanos = START + sequence * STEP - set_back;
+        let scan = Scan::taken_at(&rig(), nanos, sequence, 6);
+        writer
+            .write(&synthetic::batch(&mut encoder, &scan))
+            .unwrap();
+    }
+    let written = writer.finish(Some(&ledger(6))).unwrap();
+    assert_eq!((written.scans, written.parts.len()), (6, 2));
+    let recording = Recording::open(&path).unwrap();
+    assert!(recording.is_complete());
+    assert_eq!(recording.scans().count(), 6);
+}
+
+#[test]
 fn a_recording_is_split_by_time_and_by_size_and_read_as_one() {
     let by_time = Settings {
         max_seconds: Some(0.1),

@@ -2,6 +2,9 @@
 
 use std::time::{Duration, Instant};
 
+/// Nanoseconds between scans that are no wait any more but another time.
+const LONGEST_WAIT: i128 = 3600 * 1_000_000_000;
+
 /// Maps the recording's time to now: at a rate, with pauses, or in lockstep, when everything is due at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
@@ -38,11 +41,15 @@ impl Clock {
         }
     }
 
-    /// A scan of this time went out.
-    pub fn played(&mut self, now: Instant, nanos: u64) {
+    /// A scan of this time went out, and one of that time is next. Where time goes back or far ahead between them, as where a
+    /// clock was set or a recording begins again, the next one is due at once.
+    pub fn played(&mut self, now: Instant, nanos: u64, next_nanos: u64) {
         if self.steps > 0 {
             self.steps -= 1;
             self.anchor = (now, nanos);
+        }
+        if jumps(nanos, next_nanos) {
+            self.anchor = (now, next_nanos);
         }
     }
 
@@ -86,11 +93,35 @@ impl Clock {
     }
 }
 
+/// Whether the time from a scan to the next is none that anybody waited.
+pub(crate) fn jumps(nanos: u64, next_nanos: u64) -> bool {
+    !(0..=LONGEST_WAIT).contains(&(next_nanos as i128 - nanos as i128))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const SECOND: u64 = 1_000_000_000;
+
+    #[test]
+    fn where_time_jumps_the_next_scan_is_due_at_once_and_the_rate_holds_after_it() {
+        let begun = Instant::now();
+        for next in [5 * SECOND, 100_000 * SECOND] {
+            let mut clock = Clock::new(Some(1.0), false, begun, 10 * SECOND);
+            let now = begun + Duration::from_secs(90);
+            clock.played(now, 100 * SECOND, next);
+            assert_eq!(clock.due(next), Some(now));
+            assert_eq!(clock.due(next + SECOND), Some(now + Duration::from_secs(1)));
+        }
+        // Half an hour somebody may have waited.
+        let mut clock = Clock::new(Some(1.0), false, begun, 0);
+        clock.played(begun, 0, 1800 * SECOND);
+        assert_eq!(
+            clock.due(1800 * SECOND),
+            Some(begun + Duration::from_secs(1800))
+        );
+    }
 
     #[test]
     fn at_twice_the_rate_a_scan_is_due_in_half_the_time() {
@@ -109,7 +140,7 @@ mod tests {
         assert_eq!(clock.due(SECOND), None);
         clock.step();
         assert!(clock.due(SECOND).is_some());
-        clock.played(now, SECOND);
+        clock.played(now, SECOND, 2 * SECOND);
         assert_eq!(clock.due(2 * SECOND), None);
         let later = now + Duration::from_secs(60);
         clock.pause(later, 2 * SECOND);

@@ -14,6 +14,7 @@ use messages::{
     Points, Raw, Tables, Topic, Truth,
 };
 
+use crate::clock::jumps;
 use crate::{Clock, Selection, SelectionError, Settings};
 
 /// Why replaying failed.
@@ -107,14 +108,18 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Repla
         if is_due && replay.gate.door().is_open() && !is_draining {
             match replay.read(tick) {
                 Ok((scan, topics)) => {
-                    clock.played(Instant::now(), replay.selection.scan(tick).1);
+                    let nanos = replay.selection.scan(tick).1;
                     let under_way = replay.gate.admit(bus);
+                    clock.played(Instant::now(), nanos, replay.next_nanos());
                     replay.send(under_way, &scan, &topics)?;
                     replay.recording.reuse(scan);
-                    if settings.repeat && (tick + 1).is_multiple_of(count) {
+                    let begins_again = settings.repeat && (tick + 1).is_multiple_of(count);
+                    if begins_again {
                         let next = replay.gate.door().admitted();
                         let text = format!("begins again: scans are numbered on from {next}");
                         bus.log(Level::Info, text);
+                    } else if tick + 1 < count && clock.rate().is_some() {
+                        remark_jump(bus, nanos, replay.next_nanos());
                     }
                 }
                 Err(error) => failed = Some(error.to_string()),
@@ -130,6 +135,15 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Repla
         }
     }
     Ok(())
+}
+
+/// Says where the recorded time is none that can be played.
+fn remark_jump(bus: &Bus, nanos: u64, next_nanos: u64) {
+    if jumps(nanos, next_nanos) {
+        let seconds = (next_nanos as i128 - nanos as i128) as f64 / 1e9;
+        let text = format!("recorded time jumps by {seconds:.0} s here, which is not waited for");
+        bus.log(Level::Warn, text);
+    }
 }
 
 struct Replay {

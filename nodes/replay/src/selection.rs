@@ -135,6 +135,15 @@ fn check_needed(
 }
 
 impl Selection {
+    /// Whether a scan of the replay comes after as many scans as it did when they were recorded, or after this many of them
+    /// without a gap.
+    pub(crate) fn follows(&self, tick: u64, depth: u64) -> bool {
+        let number = |tick: u64| self.scan(tick).0;
+        let first = tick.saturating_sub(depth);
+        let is_first = number(first) == 0;
+        (tick >= depth || is_first) && number(tick) - number(first) == tick - first
+    }
+
     /// What is replayed of a recording.
     ///
     /// # Errors
@@ -220,5 +229,29 @@ impl Selection {
         };
         let span = last.saturating_sub(first);
         span + span / (self.scans.len() as u64 - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scan_follows_those_it_depends_on_only_without_a_gap() {
+        let of = |numbers: &[u64]| Selection {
+            topics: Vec::new(),
+            scans: numbers.iter().map(|number| (*number, *number)).collect(),
+            broken: 0,
+        };
+        let follows = |numbers: &[u64], depth| -> Vec<bool> {
+            let selection = of(numbers);
+            (0..numbers.len() as u64)
+                .map(|tick| selection.follows(tick, depth))
+                .collect()
+        };
+        let gap = [3, 4, 5, 9, 10, 11];
+        assert_eq!(follows(&gap, 2), [false, false, true, false, false, true]);
+        assert_eq!(follows(&gap, 0), [true; 6]);
+        assert_eq!(follows(&[0, 1, 2, 4], 9), [true, true, true, false]);
     }
 }

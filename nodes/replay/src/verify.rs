@@ -15,7 +15,7 @@ use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Scan};
 use messages::{
     AnyView, Curves, Difference, Disparity, Edges, Evaluation, Growing, Header, Image, Kind, Map,
-    Matches, Points, Raw, Stage, Tables, Topic, Truth,
+    Matches, Points, Raw, Rig, Stage, Tables, Topic, Truth,
 };
 use serde::{Deserialize, Serialize};
 
@@ -53,8 +53,23 @@ pub struct Finding {
     pub different: u64,
     /// Messages that were not recorded, or cannot be read.
     pub missing: u64,
+    /// Messages that depend on scans before them that are not replayed: of a rail's first frames.
+    #[serde(default)]
+    pub dependent: u64,
     /// What is the matter with the first of those that are not equal.
     pub first: Option<String>,
+}
+
+/// How many scans before a scan its messages of a kind depend on.
+pub(crate) fn depth(rig: &Rig, kind: Kind) -> u64 {
+    let Some(rail) = rig.rail else {
+        return 0;
+    };
+    match kind.stage() {
+        Stage::Map => rail.reach() + rail.follow,
+        Stage::Match | Stage::Evaluate => rail.reach(),
+        _ => 0,
+    }
 }
 
 impl Findings {
@@ -74,6 +89,12 @@ impl Findings {
             self.latest.remove(0);
         }
         self.latest.push(sequence);
+    }
+
+    /// Leaves out a message that depends on scans that are not replayed.
+    pub fn leave_out(&mut self, topic: &Topic) {
+        let finding = self.topics.entry(topic.name.clone()).or_default();
+        finding.dependent += 1;
     }
 
     /// Compares a message with the recorded one of its topic.

@@ -53,6 +53,11 @@ pub(crate) struct Scan {
 impl Scan {
     /// The scan of this number with so many discs. The same number gives the same bytes.
     pub(crate) fn new(rig: &Rig, sequence: u64, discs: usize) -> Self {
+        Self::taken_at(rig, START + sequence * STEP, sequence, discs)
+    }
+
+    /// The same, taken at another time.
+    pub(crate) fn taken_at(rig: &Rig, nanos: u64, sequence: u64, discs: usize) -> Self {
         let size = rig.size;
         let mut state = sequence.wrapping_mul(977).wrapping_add(1);
         let mut random = || {
@@ -81,7 +86,7 @@ impl Scan {
                 .get(view as usize)
                 .map_or(0.0, |v| v.position_steps * 0.05),
             elapsed_nanos: 1_000_000 + sequence,
-            ..Header::new(sequence, START + sequence * STEP, size)
+            ..Header::new(sequence, nanos, size)
         };
         let mut scan = Self {
             rig: rig.clone(),

@@ -5,7 +5,7 @@ use std::path::Path;
 use messages::bus::{Bus, BusError, Start};
 use messages::recording::{ReadError, Recording};
 
-use super::{Findings, Settings};
+use super::{Findings, Settings, depth};
 use crate::{Choice, Selection, SelectionError};
 
 /// Why comparing failed.
@@ -32,6 +32,7 @@ pub enum VerifyError {
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), VerifyError> {
     let mut recording = Recording::open(Path::new(&settings.file))?;
     let codec = recording.codec().clone();
+    let rig = bus.run().rig.clone();
     let selection = Selection::of(
         &recording,
         Choice {
@@ -58,6 +59,11 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Verif
             let recorded = recording.scan(number)?;
             for message in scan.messages() {
                 let (topic, header) = (message.topic(), message.header());
+                let depth = depth(&rig, topic.kind);
+                if !selection.follows(scan.sequence, depth) {
+                    findings.leave_out(topic);
+                    continue;
+                }
                 findings.compare(&codec, &recorded, topic, &header, message.any_view()?);
             }
             recording.reuse(recorded);
