@@ -459,6 +459,12 @@ impl Overrides {
         Ok(overrides)
     }
 
+    /// A key that is set of a node.
+    pub(crate) fn key_of(&self, node: &str) -> Option<&str> {
+        let of_node = self.set.iter().find(|(name, ..)| *name == node);
+        of_node.map(|(_, key, _)| key.as_str())
+    }
+
     /// Sets a key.
     pub(crate) fn set(&mut self, node: &str, key: &str, value: impl Into<Value>) {
         self.set

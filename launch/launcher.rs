@@ -25,6 +25,8 @@ pub(crate) struct Launch<'a> {
     pub(crate) rig: Rig,
     /// The names of the source's scans.
     pub(crate) scans: Vec<String>,
+    /// Where a rail's frames were taken, where the source had to look at all of them to know.
+    pub(crate) places: Vec<f64>,
     /// What the recording says besides the graph's configuration, by key.
     pub(crate) remarks: Vec<(&'static str, Value)>,
     /// Says nothing while it runs.
@@ -59,6 +61,7 @@ pub(crate) fn launch_before(
         graph,
         rig,
         scans,
+        places,
         remarks,
         changes,
         no_seek,
@@ -90,6 +93,7 @@ pub(crate) fn launch_before(
         configuration,
         graph: graph.to_mermaid(),
         scans,
+        places,
     };
     orders.write(dir.path()).map_err(Failure::failed)?;
     bus::write_changes(dir.path(), &changes)

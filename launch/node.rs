@@ -19,6 +19,8 @@ pub(crate) struct Orders {
     pub(crate) graph: String,
     /// The names of the source's scans.
     pub(crate) scans: Vec<String>,
+    /// Where a rail's frames were taken, where the source had to look at all of them to know.
+    pub(crate) places: Vec<f64>,
 }
 
 impl Orders {
@@ -84,6 +86,7 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         configuration,
         graph,
         scans,
+        places,
     } = orders;
     let start = Start {
         life: args.life,
@@ -91,6 +94,7 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         configuration,
         graph,
         scans,
+        places,
         changes: read_changes(&args.run),
     };
     let mut bus = Bus::join(run, node.name, &start)?;

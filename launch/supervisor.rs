@@ -16,7 +16,7 @@ use std::process::{Child, ChildStdin, Command as Process, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
-use messages::bus::{Answer, Command, Event, Level, Log, NodeReport, Playing, Progress};
+use messages::bus::{Answer, Command, Event, Level, Log, NodeReport, Play, Playing, Progress};
 use messages::change::Change;
 use messages::ledger::Ledger;
 
@@ -127,6 +127,8 @@ pub(crate) struct Supervisor<'a, W> {
     moved: Instant,
     has_resent: bool,
     playing: Option<Playing>,
+    /// How the source played that died, for its successor.
+    played: Option<Playing>,
     /// Changes that wait until those on their way have arrived.
     queued: Vec<(Vec<Change>, Sender<Answer>)>,
     pending: Option<Pending>,
@@ -164,6 +166,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             moved: Instant::now(),
             has_resent: false,
             playing: None,
+            played: None,
             queued: Vec::new(),
             pending: None,
             curious: Vec::new(),
@@ -397,6 +400,9 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             "launch",
             &format!("{name} {how}: it is restarted"),
         );
+        if place == 0 && self.nodes[0].has_begun {
+            self.played = self.playing;
+        }
         self.nodes[place] = self.spawn(place, life + 1)?;
         // The new one reads what was changed.
         self.noted(place);
@@ -430,6 +436,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         if self.connecting && all_are_connected {
             self.connecting = false;
             let is_restart = self.nodes.iter().any(|n| n.has_begun);
+            self.play_on();
             // The door opens last.
             for node in self.nodes.iter_mut().rev().filter(|n| !n.has_begun) {
                 // Until changes on their way have arrived it stays closed.
@@ -448,11 +455,29 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         }
     }
 
+    /// Has a new source play as the one before it was told to.
+    fn play_on(&mut self) {
+        let Some(played) = self.played.take() else {
+            return;
+        };
+        if let Some(rate) = played.rate {
+            self.tell_to_play(Play::Rate(rate), None);
+        }
+        let state = if played.is_paused {
+            Play::Stop
+        } else {
+            Play::Resume
+        };
+        self.tell_to_play(state, None);
+    }
+
     /// When nothing moves, sends the scans under way once more; when that does not help, gives up.
     fn check_patience(&mut self) {
         let idle = self.moved.elapsed();
         let under_way = self.progress.admitted - self.progress.done.min(self.progress.admitted);
-        let assembled = self.nodes.iter().all(|n| n.has_begun && n.is_connected);
+        // A guest that gave up is missed by nobody.
+        let mut present = self.nodes.iter().filter(|n| !n.has_finished);
+        let assembled = present.all(|n| n.has_begun && n.is_connected);
         if assembled {
             self.end_who_does_not_note();
         }
@@ -460,7 +485,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             let silent = self
                 .nodes
                 .iter()
-                .filter(|n| !n.has_ports || !n.is_connected);
+                .filter(|n| !n.has_finished && (!n.has_ports || !n.is_connected));
             let names: Vec<&str> = silent.map(|n| n.name.as_str()).collect();
             let text = format!("{} did not get ready: the run ends", names.join(", "));
             self.trouble = Some((Outcome::Failed, text));

@@ -168,6 +168,7 @@ fn measure(args: &Args, observers: Observers, place: &Place) -> Result<Measured,
         mut graph,
         source,
         rig,
+        places,
         ..
     } = plan(None, args.profile, &overrides)?;
     graph.fill_in("capture", "scans", ENOUGH);
@@ -188,6 +189,7 @@ fn measure(args: &Args, observers: Observers, place: &Place) -> Result<Measured,
         graph: &graph,
         rig,
         scans: Vec::new(),
+        places,
         remarks: Vec::new(),
         is_quiet: true,
         timeline: None,

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use capture::Source;
 use capture::alignment::{Followed, Ready, Rows, Steps, rows, steps};
-use messages::{Edge, Image, Owned};
+use messages::{Edge, Image, Owned, Rail};
 use serde::Serialize;
 use serde_json::json;
 
@@ -14,12 +14,14 @@ use crate::graph::{Graph, Overrides};
 use crate::offline::{curve_points, settings};
 use crate::{Failure, Outcome};
 
-/// Scenes of a source that are looked at: the geometry is the same in all.
+/// Scenes of a source, or triples of a rail, that are looked at: the geometry is the same in all.
 const SCENES: u64 = 4;
 /// A point is taken from every square of so many pixels, the one whose gradient says most about its row.
 const CELL: f32 = 12.0;
 /// Points followed that are enough to judge by.
 const ENOUGH: usize = 30;
+/// Pixels by which something must move from view to view.
+const LEAST_MOTION: f64 = 1.0;
 /// Pixels up to which a miss is no harm, at the 95th percentile.
 const GOOD: f64 = 0.3;
 /// Pixels up to which matching still works, with less covered.
@@ -49,84 +51,174 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     Ok(match report.verdict {
         Verdict::Works | Verdict::CoversLess => Outcome::Done,
-        Verdict::RectifyFirst | Verdict::Unknown => Outcome::Failed,
+        Verdict::Reversed | Verdict::RectifyFirst | Verdict::Unknown => Outcome::Failed,
     })
 }
 
-/// What was followed between neighbouring views.
+/// One of the images that stand in a row.
+#[derive(Clone, Copy, Debug)]
+struct Stand {
+    /// Baselines to the right of any one place.
+    place: f64,
+    scan: u64,
+    view: usize,
+}
+
+/// The rows of images that are looked at, each left to right: a rig's first scans; of a rail triples from all along it.
+fn rows_of(source: &Source) -> Vec<Vec<Stand>> {
+    if let Some(rail) = source.rail() {
+        return triples(source, rail);
+    }
+    let stand = |scan: u64, view: usize| Stand {
+        place: view as f64,
+        scan,
+        view,
+    };
+    let row = |scan| {
+        (0..source.view_count())
+            .map(|view| stand(scan, view))
+            .collect()
+    };
+    (0..source.scenes().min(SCENES)).map(row).collect()
+}
+
+/// Some of the triples that a rail's frames form.
+fn triples(source: &Source, rail: Rail) -> Vec<Vec<Stand>> {
+    let baseline_m = source.calibration().map_or(1.0, |camera| camera.baseline_m);
+    let of_frame = |frame: u64| {
+        let frames = [frame, frame - rail.stride, frame - rail.reach()];
+        let [Some(newest), Some(middle), Some(oldest)] =
+            frames.map(|frame| source.position_m(frame))
+        else {
+            return None;
+        };
+        let places_m = [newest, middle, oldest];
+        matching::rail::triple(&rail, places_m, baseline_m).ok()?;
+        let stands = places_m.into_iter().zip(frames);
+        let mut stands: Vec<_> = stands
+            .map(|(place_m, scan)| Stand {
+                place: place_m / baseline_m,
+                scan,
+                view: 0,
+            })
+            .collect();
+        stands.sort_by(|a, b| a.place.total_cmp(&b.place));
+        Some(stands)
+    };
+    let all: Vec<_> = (rail.reach()..source.scenes())
+        .filter_map(of_frame)
+        .collect();
+    let apart = all.len().div_ceil(SCENES as usize).max(1);
+    all.into_iter().step_by(apart).collect()
+}
+
+/// What was followed between neighbours, by their names.
+#[derive(Default)]
 struct Measured {
-    /// Between each view and the next.
-    pairs: Vec<Vec<Followed>>,
-    /// By inner view: disparities to the left and to the right.
-    inner: Vec<Vec<[f64; 2]>>,
+    /// Between each view and the next; of a rail, whose views are all of one camera, between any.
+    pairs: Vec<(String, Vec<Followed>)>,
+    /// Around each inner view, or frame of a rail: disparities to the left and to the right, in pixels a baseline.
+    inner: Vec<(String, Vec<[f64; 2]>)>,
     asked: usize,
+    is_rail: bool,
+}
+
+/// What goes by a name, which may be new.
+fn named<T>(all: &mut Vec<(String, Vec<T>)>, name: String) -> &mut Vec<T> {
+    let known = all.iter().position(|(known, _)| *known == name);
+    let at = known.unwrap_or_else(|| {
+        all.push((name, Vec::new()));
+        all.len() - 1
+    });
+    &mut all[at].1
 }
 
 /// Follows points of every inner view into both its neighbours.
 fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
-    let views = source.view_count();
+    let rail = source.rail();
+    let drift = rail.map_or(0.0, |rail| rail.drift_px);
     let mut measured = Measured {
-        pairs: vec![Vec::new(); views - 1],
-        inner: vec![Vec::new(); views.saturating_sub(2)],
-        asked: 0,
+        is_rail: rail.is_some(),
+        ..Measured::default()
     };
-    for scan in 0..source.scenes().min(SCENES) {
-        let size = source.size_of(scan);
-        let mut ready = Vec::with_capacity(views);
-        // Of the outer views none.
-        let mut points = Vec::with_capacity(views);
-        for view in 0..views {
-            let mut image = Owned::<Image>::new(size);
+    for row in rows_of(source) {
+        let mut images = Vec::with_capacity(row.len());
+        for stand in &row {
+            let mut image = Owned::<Image>::new(source.size_of(stand.scan));
             image
-                .fill(|room| source.read(scan, view, room))
+                .fill(|room| source.read(stand.scan, stand.view, room))
                 .map_err(Failure::failed)?;
-            ready.push(Ready::new(image.view().pixels, size));
-            let is_inner = view > 0 && view + 1 < views;
-            points.push(match is_inner {
-                true => chosen(&curve_points(graph, &image)?),
-                false => Vec::new(),
-            });
+            images.push(image);
         }
+        let size = source.size_of(row[0].scan);
+        let ready: Vec<Ready> = images
+            .iter()
+            .map(|image| Ready::new(image.view().pixels, size))
+            .collect();
         let middle = [size.width, size.height].map(|side| (f64::from(side) - 1.0) / 2.0);
-        let inner = points.iter().enumerate();
-        for (view, points) in inner.filter(|(_, points)| !points.is_empty()) {
+        for view in 1..images.len() - 1 {
+            let points = chosen(&curve_points(graph, &images[view])?);
             measured.asked += points.len();
-            for (point, by) in followed(&ready, view, points) {
-                let from_middle = [point[0] - middle[0], point[1] - middle[1]];
-                // Rows count as lower in the right one of two views.
-                for (pair, rows) in [
-                    (view - 1, by[0].map(|l| -l[1])),
-                    (view, by[1].map(|r| r[1])),
-                ] {
-                    measured.pairs[pair].extend(rows.map(|rows| Followed { from_middle, rows }));
-                }
-                if let [Some(left), Some(right)] = by {
-                    measured.inner[view - 1].push([left[0], -right[0]]);
+            let mut both = vec![[None; 2]; points.len()];
+            for (side, other) in [view - 1, view + 1].into_iter().enumerate() {
+                let step = row[other].place - row[view].place;
+                let between = match rail {
+                    Some(Rail { stride: 1, .. }) => "frames".to_owned(),
+                    Some(Rail { stride, .. }) => format!("{stride} frames"),
+                    None => format!("{} and {}", view.min(other), view.max(other)),
+                };
+                let pair = named(&mut measured.pairs, between);
+                let found = followed(&ready[view], &ready[other], &points);
+                for ((at, found), both) in points.iter().zip(found).zip(&mut both) {
+                    let Some([columns, rows]) = found else {
+                        continue;
+                    };
+                    pair.push(Followed {
+                        from_middle: [at[0] - middle[0], at[1] - middle[1]],
+                        // Rows count as lower in the right one of two views.
+                        rows: rows * step.signum() - drift * step.abs(),
+                    });
+                    both[side] = Some(-columns / step);
                 }
             }
+            let around = rail.map_or(view.to_string(), |_| row[view].scan.to_string());
+            named(&mut measured.inner, around).extend(
+                both.into_iter()
+                    .filter_map(|[left, right]| Some([left?, right?])),
+            );
         }
     }
     Ok(measured)
 }
 
-/// A point (column, row), and by how much it lies further in the left and in the right neighbour.
-type Both = ([f64; 2], [Option<[f64; 2]>; 2]);
+/// Nearly the least and nearly the greatest of all disparities.
+fn disparities(measured: &Measured) -> Option<[f64; 2]> {
+    let all = measured.inner.iter().flat_map(|(_, both)| both);
+    let mut all: Vec<f64> = all.map(|[left, right]| (left + right) / 2.0).collect();
+    all.sort_by(f64::total_cmp);
+    let last = all.len().checked_sub(1)?;
+    Some([0.02, 0.98].map(|share| all[(share * last as f64).round() as usize]))
+}
 
-/// Follows points of a view into both neighbours, on all cores.
-fn followed(ready: &[Ready], view: usize, points: &[[f64; 2]]) -> Vec<Both> {
+/// By how many columns and rows points lie further in another view, on all cores; `None` where they were not found again.
+fn followed(from: &Ready, to: &Ready, points: &[[f64; 2]]) -> Vec<Option<[f64; 2]>> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let follow = |&point: &[f64; 2]| {
-        let into = |other: usize| ready[view].follow(&ready[other], point);
-        (point, [into(view - 1), into(view + 1)])
-    };
     let part = points.len().div_ceil(threads).max(1);
     std::thread::scope(|scope| {
         let workers: Vec<_> = points
             .chunks(part)
-            .map(|part| scope.spawn(move || part.iter().map(follow).collect::<Vec<_>>()))
+            .map(|part| {
+                scope.spawn(move || {
+                    part.iter()
+                        .map(|&point| from.follow(to, point))
+                        .collect::<Vec<_>>()
+                })
+            })
             .collect();
         let joined = workers.into_iter().map(|worker| worker.join());
-        joined.flat_map(Result::unwrap_or_default).collect()
+        joined
+            .flat_map(|found| found.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
     })
 }
 
@@ -151,6 +243,7 @@ fn chosen(points: &[Edge]) -> Vec<[f64; 2]> {
 enum Verdict {
     Works,
     CoversLess,
+    Reversed,
     RectifyFirst,
     Unknown,
 }
@@ -164,12 +257,16 @@ struct Report {
     asked: usize,
     pairs: Vec<Pair>,
     steps: Vec<Inner>,
+    /// Nearly the least and nearly the greatest disparity, in pixels a step.
+    disparities_px: Option<[f64; 2]>,
+    #[serde(skip)]
+    is_rail: bool,
 }
 
 /// Rows between a view and the next.
 #[derive(Debug, Serialize)]
 struct Pair {
-    views: [usize; 2],
+    between: String,
     points: usize,
     mistaken: usize,
     median_px: Option<f64>,
@@ -182,9 +279,10 @@ struct Pair {
 /// Steps on both sides of a view.
 #[derive(Debug, Serialize)]
 struct Inner {
-    view: usize,
+    around: String,
     points: usize,
     ratio: Option<f64>,
+    shift_px: Option<f64>,
     median_px: Option<f64>,
     p95_px: Option<f64>,
     miss_px: Option<f64>,
@@ -192,10 +290,10 @@ struct Inner {
 
 impl Report {
     fn of(measured: &Measured) -> Self {
-        let pairs = measured.pairs.iter().enumerate().map(|(view, followed)| {
+        let pairs = measured.pairs.iter().map(|(between, followed)| {
             let rows: Option<Rows> = rows(followed);
             Pair {
-                views: [view, view + 1],
+                between: between.clone(),
                 points: rows.map_or(followed.len(), |rows| rows.points),
                 mistaken: rows.map_or(0, |rows| rows.mistaken),
                 median_px: rows.map(|rows| rows.median_px),
@@ -205,12 +303,13 @@ impl Report {
                 scale_percent: rows.map(|rows| rows.per_row * 100.0),
             }
         });
-        let inner = measured.inner.iter().enumerate().map(|(at, disparities)| {
+        let inner = measured.inner.iter().map(|(around, disparities)| {
             let steps: Option<Steps> = steps(disparities);
             Inner {
-                view: at + 1,
+                around: around.clone(),
                 points: steps.map_or(disparities.len(), |steps| steps.points),
                 ratio: steps.map(|steps| steps.ratio),
+                shift_px: steps.map(|steps| steps.shift_px),
                 median_px: steps.map(|steps| steps.median_px),
                 p95_px: steps.map(|steps| steps.p95_px),
                 miss_px: steps.map(|steps| steps.miss_px),
@@ -222,9 +321,27 @@ impl Report {
             asked: measured.asked,
             pairs: pairs.collect(),
             steps: inner.collect(),
+            disparities_px: disparities(measured),
+            is_rail: measured.is_rail,
         };
         (report.verdict, report.says) = report.judged();
         report
+    }
+
+    /// What is wrong with how the views follow each other.
+    fn disorder(&self) -> Option<(Verdict, String)> {
+        let [least, most] = self.disparities_px?;
+        if least.abs().max(most.abs()) < LEAST_MOTION {
+            let text = "hardly anything moves from view to view: are they of one place?";
+            return Some((Verdict::Unknown, text.to_owned()));
+        }
+        (most < -LEAST_MOTION).then(|| {
+            let text = format!(
+                "everything moves to the right, by {:.1} to {:.1} px a step: the views go from right to left, or positions count the other way; reverse them",
+                -most, -least
+            );
+            (Verdict::Reversed, text)
+        })
     }
 
     /// The worst figure decides.
@@ -253,6 +370,9 @@ impl Report {
                 format!("too few points could be followed to judge by: {hint}"),
             );
         }
+        if let Some(disorder) = self.disorder() {
+            return disorder;
+        }
         match (grade(rows), grade(steps)) {
             (Verdict::Works, Verdict::Works) => (
                 Verdict::Works,
@@ -262,9 +382,15 @@ impl Report {
             ),
             (Verdict::RectifyFirst, _) => (
                 Verdict::RectifyFirst,
-                format!(
-                    "rectify the views first (capture.calibration): rows miss each other by {rows:.2} px"
-                ),
+                // No calibration says how a camera is turned against its rail.
+                match self.is_rail {
+                    true => format!(
+                        "level the camera along its way, or turn the images: rows miss each other by {rows:.2} px, and only a drift of up to 2 rows over a triple is made good"
+                    ),
+                    false => format!(
+                        "rectify the views first (capture.calibration): rows miss each other by {rows:.2} px"
+                    ),
+                },
             ),
             (_, Verdict::RectifyFirst) => (
                 Verdict::RectifyFirst,
@@ -296,7 +422,7 @@ impl Report {
         ]);
         for pair in &self.pairs {
             line([
-                &format!("{} and {}", pair.views[0], pair.views[1]),
+                &pair.between,
                 &pair.points.to_string(),
                 &pair.mistaken.to_string(),
                 &number(pair.median_px, 3),
@@ -306,16 +432,18 @@ impl Report {
                 &(number(pair.scale_percent, 3) + "%"),
             ]);
         }
-        line(["steps", "points", "ratio", "median", "p95", "miss", "", ""]);
+        line([
+            "steps", "points", "ratio", "shift", "median", "p95", "miss", "",
+        ]);
         for inner in &self.steps {
             line([
-                &format!("around {}", inner.view),
+                &format!("around {}", inner.around),
                 &inner.points.to_string(),
                 &number(inner.ratio, 4),
+                &number(inner.shift_px, 3),
                 &number(inner.median_px, 3),
                 &number(inner.p95_px, 3),
                 &number(inner.miss_px, 3),
-                "",
                 "",
             ]);
         }

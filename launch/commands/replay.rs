@@ -35,10 +35,6 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let stages = computing(&source, from, to);
     check_cut(&source, from, &stages).map_err(Failure::failed)?;
     let (first, end) = range(args, &source);
-    if args.verify && source.metadata().rig.rail.is_some() && source.scans().next() < Some(first) {
-        let text = "along a rail results depend on the frames before: verify the recording from its beginning";
-        return Err(Failure::usage(text));
-    }
     let recorded = &source.metadata().configuration;
     let not_recorded = not_recorded(&source, &stages);
     let mut graph = graph(args, &stages, first, end, &path, recorded)?;
@@ -96,6 +92,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         graph: &graph,
         rig,
         scans: selection.scans.iter().map_while(name).collect(),
+        places: Vec::new(),
         remarks: vec![("changed", json!(changed))],
         is_quiet: args.json,
         timeline: Some(Timeline(
@@ -281,6 +278,11 @@ fn graph(
         tables.insert("bridge".to_owned(), json!({}));
     }
     let overrides = Overrides::parse(&args.set)?;
+    if let Some(key) = overrides.key_of("capture") {
+        return Err(Failure::usage(format!(
+            "capture.{key} was settled when the recording was made, and a replay has no capture: run again on the source"
+        )));
+    }
     Graph::of_tables(tables, Profile::Default, &overrides)
         .map_err(|text| Failure::usage(format!("the recording's graph: {text}")))
 }
@@ -392,9 +394,16 @@ struct TopicVerified {
     equal: u64,
     different: u64,
     missing: u64,
+    /// Messages of a rail's first frames, which depend on frames that are not replayed: they are not compared.
+    #[serde(skip_serializing_if = "is_none")]
+    dependent: u64,
     /// What is the matter with the first message that is not equal.
     #[serde(skip_serializing_if = "Option::is_none")]
     first: Option<String>,
+}
+
+fn is_none(count: &u64) -> bool {
+    *count == 0
 }
 
 impl Verified {
@@ -406,8 +415,8 @@ impl Verified {
                 let compared = TopicVerified {
                     equal: found.equal,
                     different: found.different,
-                    missing: found.missing
-                        + scans.saturating_sub(found.equal + found.different + found.missing),
+                    missing: scans.saturating_sub(found.equal + found.different + found.dependent),
+                    dependent: found.dependent,
                     first: found.first,
                 };
                 (topic, compared)
@@ -416,7 +425,10 @@ impl Verified {
         Self {
             equal: scans > 0
                 && !topics.is_empty()
-                && topics.values().all(|topic| topic.equal == scans),
+                && topics.values().any(|topic| topic.equal > 0)
+                && topics
+                    .values()
+                    .all(|topic| topic.equal + topic.dependent == scans),
             scans,
             played: played.iter().map(|kind| kind.name()).collect(),
             not_recorded: not_recorded.iter().map(|kind| kind.name()).collect(),
@@ -447,11 +459,18 @@ impl fmt::Display for Report {
                 equal,
                 different,
                 missing,
+                dependent,
                 first,
             } = found;
             writeln!(f, "{topic:<24} {equal:>7} {different:>10} {missing:>8}")?;
             if let Some(first) = first {
                 writeln!(f, "    first: {first}")?;
+            }
+            if *dependent > 0 {
+                writeln!(
+                    f,
+                    "    not compared: {dependent}, which depend on frames before those that are replayed"
+                )?;
             }
         }
         let played = verified.played.join(", ");

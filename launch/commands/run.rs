@@ -23,6 +23,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         source,
         rig,
         scans,
+        places,
         recording,
     } = plan(args.graph.as_deref(), args.profile, &overrides(args)?)?;
     say_notices(&source);
@@ -30,6 +31,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         graph: &graph,
         rig,
         scans,
+        places,
         remarks: Vec::new(),
         is_quiet: args.json,
         timeline: None,
@@ -51,6 +53,8 @@ pub(super) struct Planned {
     pub(super) rig: Rig,
     /// The names of the source's scans.
     pub(super) scans: Vec<String>,
+    /// Where a rail's frames were taken, where the source had to look at all of them to know.
+    pub(super) places: Vec<f64>,
     pub(super) recording: Option<PathBuf>,
 }
 
@@ -83,11 +87,13 @@ pub(super) fn plan(
         _ => 0,
     };
     let scans = (0..named).map(|scan| source.name(scan)).collect();
+    let places = source.places().unwrap_or_default().to_vec();
     Ok(Planned {
         graph,
         source,
         rig,
         scans,
+        places,
         recording,
     })
 }

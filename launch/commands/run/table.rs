@@ -19,6 +19,9 @@ struct NodeSummary {
     node: String,
     milliseconds: Percentiles,
     counts: BTreeMap<String, u64>,
+    /// Whether a scan that is sent again is not counted again.
+    #[serde(skip)]
+    counts_once: bool,
     restarts: u32,
     duplicates: u64,
 }
@@ -42,6 +45,9 @@ pub(crate) struct Summary {
     /// Whether the images are in it, as they are after a live run.
     #[serde(skip)]
     has_images: bool,
+    /// Whether it is of a rail.
+    #[serde(skip)]
+    has_map: bool,
 }
 
 impl Summary {
@@ -49,6 +55,7 @@ impl Summary {
         let nodes = ran.reports.iter().map(|report| NodeSummary {
             milliseconds: report.milliseconds,
             counts: report.counts.clone(),
+            counts_once: report.done.is_some(),
             restarts: ran.restarts.get(&report.node).copied().unwrap_or_default(),
             duplicates: report
                 .topics
@@ -75,6 +82,7 @@ impl Summary {
             warnings: doubts(&ran.reports).filter(|_| scans > 0).collect(),
             recording: recording.filter(|path| path.exists()).map(Path::to_owned),
             has_images: ran.ledger.nodes.contains_key("capture"),
+            has_map: ran.reports.iter().any(|report| report.node == "map"),
         }
     }
 }
@@ -84,9 +92,11 @@ const LEAST_MATCHED: f64 = 0.02;
 
 /// What makes the results doubtful.
 fn doubts(reports: &[NodeReport]) -> impl Iterator<Item = String> {
-    let count = |node: &str, name: &str| {
+    // A node that was restarted counts what it saw itself.
+    let a_scan = |node: &str, name: &str| {
         let report = reports.iter().find(|report| report.node == node)?;
-        report.counts.get(name).copied()
+        let scans = report.milliseconds.scans.max(1) as f64;
+        Some(*report.counts.get(name)? as f64 / scans)
     };
     let topics = |node: &str, kind: Kind| {
         let report = reports.iter().find(|report| report.node == node);
@@ -95,14 +105,12 @@ fn doubts(reports: &[NodeReport]) -> impl Iterator<Item = String> {
         topics.filter(is_kind).count()
     };
     let views = topics("match", Kind::Curves) / topics("match", Kind::Matches).max(1);
-    let doubt = match (count("track", "curves"), count("match", "matches")) {
-        (Some(0), _) => {
+    let doubt = match (a_scan("track", "curves"), a_scan("match", "matches")) {
+        (Some(0.0), _) => {
             Some("no curve was found: the images are blank, or track.high and track.low too great")
         }
         // A match is a curve in each view; of a rail's frame in three.
-        (Some(curves), Some(matches))
-            if views.max(3) as f64 * (matches as f64) < LEAST_MATCHED * curves as f64 =>
-        {
+        (Some(curves), Some(matches)) if views.max(3) as f64 * matches < LEAST_MATCHED * curves => {
             Some(
                 "next to nothing matched: are the views chosen from left to right, rectified so that rows agree, and nearer \
              than match.disparity_most?",
@@ -129,26 +137,36 @@ impl fmt::Display for Summary {
             let Percentiles {
                 scans, p50, p99, ..
             } = node.milliseconds;
-            let each = |count: &u64| *count as f64 / self.scans.max(1) as f64;
+            // Who says that scans are done counts each once. Of what others did before a restart nobody knows, and what is
+            // sent again they count again.
+            let counted = match (node.restarts, node.counts_once) {
+                (0, true) => self.scans,
+                _ => scans,
+            };
+            let each = |count: &u64| *count as f64 / counted.max(1) as f64;
             let counts = node
                 .counts
                 .iter()
                 .filter(|(name, count)| **count > 0 && *name != "scans");
-            // What rounds to none of a scan is told of all scans, and what belongs to it too.
-            let is_rare = counts.clone().any(|(_, n)| each(n) < 0.5);
+            // What is there once a scan or less is told of all scans, and what belongs to it too.
+            let is_rare = counts.clone().any(|(_, n)| each(n) <= 1.0);
             let note = |(name, n): (&String, &u64)| match is_rare {
                 true => format!("{n} {name}"),
                 false => format!("{:.0} {name}", each(n)),
             };
             let mut notes: Vec<String> = counts.map(note).collect();
             if is_rare {
-                notes.push("in all".to_owned());
+                notes.push(match node.restarts {
+                    0 => "in all".to_owned(),
+                    _ => "since its last restart".to_owned(),
+                });
             }
             if node.restarts > 0 {
-                notes.push(format!(
-                    "restarted {} times, {} duplicates",
-                    node.restarts, node.duplicates
-                ));
+                let times = match node.restarts {
+                    1 => "once".to_owned(),
+                    times => format!("{times} times"),
+                };
+                notes.push(format!("restarted {times}, {} duplicates", node.duplicates));
             }
             match scans {
                 0 => write!(f, "{:<10} {:>9} {:>9}", node.node, "-", "-")?,
@@ -194,12 +212,45 @@ impl fmt::Display for Summary {
             )?;
             writeln!(f, "  what is in:  tricurve info {path}")?;
             if self.has_images {
+                // The first frames of a rail have no triple, and its map is of all.
+                let (scan, map) = match self.has_map {
+                    true => (self.scans.saturating_sub(1), " --map map.ply"),
+                    false => (0, ""),
+                };
                 writeln!(
                     f,
-                    "  take it out: tricurve export {path} --scan 0 --csv points.csv --ply points.ply --png pictures"
+                    "  take it out: tricurve export {path} --scan {scan} --csv points.csv --ply points.ply --png pictures{map}"
                 )?;
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(node: &str, scans: u64, name: &str, a_scan: u64) -> NodeReport {
+        NodeReport {
+            node: node.to_owned(),
+            milliseconds: Percentiles {
+                scans,
+                ..Percentiles::default()
+            },
+            counts: BTreeMap::from([(name.to_owned(), scans * a_scan)]),
+            ..NodeReport::default()
+        }
+    }
+
+    #[test]
+    fn a_matcher_that_was_restarted_late_is_not_taken_for_one_that_matches_nothing() {
+        let track = report("track", 2000, "curves", 300);
+        let doubts_with = |matches| {
+            let reports = [track.clone(), report("match", 18, "matches", matches)];
+            doubts(&reports).collect::<Vec<_>>()
+        };
+        assert_eq!(doubts_with(70), Vec::<String>::new());
+        assert!(doubts_with(1)[0].starts_with("next to nothing matched"));
     }
 }
