@@ -14,7 +14,7 @@ use messages::{Kind, Points, Topic};
 use serde_json::Value;
 
 /// The example, which is built with the tests.
-fn publisher(run: &PathBuf) -> Child {
+fn command(run: &PathBuf) -> Command {
     let tests = std::env::current_exe().unwrap();
     let program = tests
         .parent()
@@ -22,7 +22,13 @@ fn publisher(run: &PathBuf) -> Child {
         .parent()
         .unwrap()
         .join("examples/publish");
-    let publisher = Command::new(program).arg(run).stdout(Stdio::null()).spawn();
+    let mut command = Command::new(program);
+    command.arg(run).stdout(Stdio::null());
+    command
+}
+
+fn publisher(run: &PathBuf) -> Child {
+    let publisher = command(run).spawn();
     publisher.expect("built before: cargo build --example publish")
 }
 
@@ -81,7 +87,11 @@ fn another_program_publishes_its_frames_and_they_are_matched() {
     assert!(publisher.wait().unwrap().success());
     let summary = ran.json();
     assert_eq!(summary["balanced"], true, "{summary}");
-    assert!(adds_up(&summary) >= 40);
+    let ledger = &summary["ledger"];
+    let refused = ledger["refused"].as_object().unwrap().values();
+    let refused: u64 = refused.filter_map(Value::as_u64).sum();
+    assert_eq!(ledger["admitted"], 40, "{summary}");
+    assert_eq!(adds_up(&summary), 40 + refused, "{summary}");
     let info = world.run(&["info", "x.mcap", "--json"]).done().json();
     assert_eq!(info["scans"]["whole"], summary["ledger"]["done"], "{info}");
     let matches = summary["nodes"].as_array().unwrap().iter();
@@ -131,6 +141,12 @@ fn a_program_that_dies_and_comes_back_is_missed_and_goes_on() {
     let waiting = world.waiting_run();
     let mut first = publisher(&waiting);
     grows_by(&world, 5_000_000);
+    let third = command(&waiting).stderr(Stdio::piped()).output().unwrap();
+    let said = String::from_utf8_lossy(&third.stderr);
+    assert!(
+        !third.status.success() && said.contains("another program publishes this view already"),
+        "{third:?}"
+    );
     signal(first.id(), "KILL");
     assert!(!first.wait().unwrap().success());
     wait_until("it is missed", || {

@@ -374,11 +374,57 @@ fn parallel_views_are_told_to_work_and_unequal_steps_are_not() {
     );
     let ratio = report["steps"][0]["ratio"].as_f64().unwrap();
     assert!((ratio - 50.0 / 56.0).abs() < 0.005, "{report}");
-    let rendered = world.run(&["check-geometry", "scene:tab"]).done();
+    let rail = ["check-geometry", "scene:tab", "--set", "capture.mode=rail"];
+    for arguments in [&rail[..2], &rail] {
+        let rendered = world.run(arguments).done();
+        assert!(
+            rendered
+                .out
+                .contains("matching will work: rows are aligned within"),
+            "{rendered:?}"
+        );
+    }
+}
+
+#[test]
+fn views_from_right_to_left_and_views_of_one_place_are_told() {
+    let world = World::new();
+    let reversed = scene(&world, "reversed", &[2, 1, 0].map(straight));
+    let still = scene(&world, "still", &[1, 1, 1].map(straight));
+    for (folder, verdict, says) in [
+        (&reversed, "reversed", "the views go from right to left"),
+        (&still, "unknown", "hardly anything moves from view to view"),
+    ] {
+        let (code, report) = check(&world, folder, &[]);
+        assert_eq!(
+            (code, &report["verdict"]),
+            (Some(1), &Value::from(verdict)),
+            "{report}"
+        );
+        assert!(report["says"].as_str().unwrap().contains(says), "{report}");
+    }
+}
+
+#[test]
+fn frames_of_a_rail_that_lie_shifted_are_told() {
+    let world = World::new();
+    let mut cameras = [0, 1, 2, 3, 4].map(straight);
+    // A thousandth of a radian is 0.64 px everywhere.
+    cameras[3].turn = glam::DMat3::from_rotation_y(0.002);
+    let folder = scene(&world, "shaken", &cameras);
+    let (code, report) = check(
+        &world,
+        &folder,
+        &["capture.mode=rail", "capture.stride=1", "capture.drift=0"],
+    );
+    assert_eq!(code, Some(1), "{report}");
+    let around = |frame: &str| {
+        let steps = report["steps"].as_array().unwrap();
+        let inner = steps.iter().find(|inner| inner["around"] == frame);
+        inner.unwrap()["shift_px"].as_f64().unwrap().abs()
+    };
     assert!(
-        rendered
-            .out
-            .contains("matching will work: rows are aligned within"),
-        "{rendered:?}"
+        around("1") < 0.1 && (around("3") - 2.56).abs() < 0.3,
+        "{report}"
     );
 }

@@ -8,6 +8,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use harness::{Ran, World, bytes_of, signal, wait_until};
+use messages::recording::Recording;
+use messages::{Kind, Owned, Topic, Truth};
 use serde_json::Value;
 
 const RAIL: [&str; 2] = ["--set", "capture.mode=rail"];
@@ -111,7 +113,10 @@ fn a_recording_of_a_rail_is_replayed_to_the_byte_from_every_stage() {
     let world = World::new();
     let rail = world.small_rail("rail", 0..32);
     let source = rail.to_string_lossy().into_owned();
-    world.run(&arguments(&source, "x.mcap")).done();
+    let own = ["--set", "capture.stride=2", "--set", "map.window=4"];
+    world
+        .run(&[&arguments(&source, "x.mcap")[..], &own].concat())
+        .done();
     for stage in ["capture", "filter", "track", "hough", "match", "map"] {
         let verified = ["replay", "x.mcap", "--from", stage, "--verify", "--json"];
         let report = world.run(&verified).done().json();
@@ -119,6 +124,34 @@ fn a_recording_of_a_rail_is_replayed_to_the_byte_from_every_stage() {
         assert_eq!(
             report["verified"]["topics"]["map"]["equal"], 32,
             "{stage}: {report}"
+        );
+    }
+    let stride = ["replay", "x.mcap", "--set", "capture.stride=2"];
+    let ran = world.run(&stride);
+    assert!(
+        ran.code == Some(2)
+            && ran
+                .err
+                .contains("capture.stride was settled when the recording was made"),
+        "{ran:?}"
+    );
+    // What its first frames depend on is not in it: those are not compared, and all others are.
+    let cut = ["filter", "x.mcap", "--scans", "4..32", "-o", "cut.mcap"];
+    world.run(&cut).done();
+    let ran = world.run(&["replay", "cut.mcap", "--verify", "--json"]);
+    let verified = &ran.done().json()["verified"];
+    assert_eq!(verified["equal"], true, "{verified}");
+    for (topic, equal, dependent) in [
+        ("curves/moving/4", 28, Value::Null),
+        ("points", 24, 4.into()),
+        // Of the points of twice the window and eight frames before it.
+        ("map", 8, 20.into()),
+    ] {
+        let found = &verified["topics"][topic];
+        assert_eq!(
+            (&found["equal"], &found["dependent"]),
+            (&equal.into(), &dependent),
+            "{topic}: {verified}"
         );
     }
 }
@@ -147,12 +180,56 @@ fn the_map_of_a_rendered_scene_is_right() {
         .find_map(|line| line.strip_prefix("element vertex "));
     let count: usize = count.unwrap().parse().unwrap();
     assert!(count > 10_000, "{count} points");
+    let near = share_near_truth(&world.path("x.mcap"), &ply, count);
+    assert!(near > 0.98, "{near} of the map lie where the scene does");
     // The camera passes the same places again and again: what is seen again is no new point.
     let of_one_frame = summary_points(&nodes[..]);
     assert!(
         (count as f64) < 4.0 * of_one_frame,
         "{count} points in the map, {of_one_frame} in a frame"
     );
+}
+
+/// Which part of a map's points lies within a fiftieth of the depth that the truth of a frame has there: a third of a pixel and more.
+fn share_near_truth(recording: &Path, ply: &[u8], count: usize) -> f64 {
+    const VERTEX: usize = 6 * 4 + 3;
+    let mut recording = Recording::open(recording).unwrap();
+    let rig = recording.metadata().rig.clone();
+    let topic = Topic::of(&rig, Kind::Truth).remove(0);
+    // Five positions there are, and back.
+    let truths: Vec<Owned<Truth>> = (0..5)
+        .map(|scan| recording.read(scan, &topic).unwrap())
+        .collect();
+    let camera = rig.calibration(truths[0].header.size());
+    let is_near = |x: f64, y: f64, z: f64| {
+        truths.iter().any(|truth| {
+            let size = truth.header.size();
+            let column = camera.focal_px * (x - truth.header.position_m) / z + camera.cx;
+            let row = camera.focal_px * y / z + camera.cy;
+            let around = [0.0, 1.0]
+                .into_iter()
+                .flat_map(|right| [0.0, 1.0].map(|down| (right, down)));
+            let mut depths = around.filter_map(|(right, down)| {
+                let (column, row) = (column.floor() + right, row.floor() + down);
+                let is_inside = (0.0..f64::from(size.width)).contains(&column)
+                    && (0.0..f64::from(size.height)).contains(&row);
+                let pixel = row as usize * size.width as usize + column as usize;
+                let disparity = is_inside.then(|| truth.view().disparity[pixel])?;
+                Some(camera.focal_px * camera.baseline_m / f64::from(disparity))
+            });
+            depths.any(|depth| (depth - z).abs() < 0.02 * depth)
+        })
+    };
+    let vertices = ply[ply.len() - count * VERTEX..].chunks_exact(VERTEX);
+    let near = vertices.filter(|vertex| {
+        let number = |at: usize| {
+            f64::from(f32::from_le_bytes(
+                vertex[4 * at..][..4].try_into().unwrap(),
+            ))
+        };
+        is_near(number(0), number(1), number(2))
+    });
+    near.count() as f64 / count as f64
 }
 
 /// Points a frame, on average.

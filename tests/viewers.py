@@ -274,6 +274,23 @@ def live(folder):
     expect(not [m for m in viewer.messages if m[0] == 'points'], 'a paused graph sends points')
     refused = viewer.call('tricurve/snapshot', 2)
     expect('paused' in refused.get('message', ''), f'a snapshot of a paused graph: {refused}')
+
+    # A source that takes the place of one that died plays as that one was told to.
+    subprocess.run([TRICURVE, 'node', 'restart', 'capture'], cwd=folder, check=True, capture_output=True)
+    def is_back():
+        listed = subprocess.run([TRICURVE, 'node', 'list', '--json'], cwd=folder, check=True, capture_output=True)
+        source = json.loads(listed.stdout)[0]
+        return source['restarts'] == 1 and source['state'] == 'running'
+    viewer.until(is_back, 'capture is there again')
+    time.sleep(1)
+    while viewer.hear():
+        pass
+    viewer.messages.clear()
+    time.sleep(1)
+    while viewer.hear():
+        pass
+    expect(not [m for m in viewer.messages if m[0] == 'points'], 'a paused graph sends points after a restart')
+    expect(viewer.call('tricurve/pause', 11) == {'text': 'it was paused already'}, 'pause after a restart')
     expect('text' in viewer.call('tricurve/resume', 3), 'resume')
     scans_of(viewer, 'points', 2)
     snapshot = viewer.call('tricurve/snapshot', 4)
