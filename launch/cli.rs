@@ -47,6 +47,8 @@ pub(crate) enum Command {
     Evaluate(Evaluate),
     /// Sweep settings over scenes: which of them cover most at which error
     Tune(Tune),
+    /// Find out what cameras are like and where they stand, from images of a chessboard or ChArUco board
+    Calibrate(Calibrate),
     /// Measure from the images alone whether rows are aligned and steps equal: will matching work?
     CheckGeometry(CheckGeometry),
     /// Write a recording as one HTML page: figures, points in space, how the run went
@@ -146,6 +148,48 @@ pub(crate) struct Run {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Calibrate {
+    /// The images: of one camera; or a folder a camera, left to right; or a folder a time, an image a camera in each
+    pub(crate) folder: PathBuf,
+    /// Inner corners along the board's rows and columns; of a ChArUco board its squares
+    #[arg(long, value_name = "9x6", value_parser = board)]
+    pub(crate) board: [u32; 2],
+    /// Side of a square in metres
+    #[arg(long, value_name = "METRES")]
+    pub(crate) square: f64,
+    /// Side of a ChArUco board's markers in metres
+    #[arg(long, value_name = "METRES", requires = "dictionary")]
+    pub(crate) marker: Option<f64>,
+    /// A ChArUco board's dictionary by OpenCV's name, as DICT_4X4_50
+    #[arg(long, value_name = "NAME", requires = "marker")]
+    pub(crate) dictionary: Option<String>,
+    /// What the lenses do
+    #[arg(long, value_enum, default_value = "radtan")]
+    pub(crate) model: LensModel,
+    /// Where to write the cameras, as Kalibr does, for capture.calibration
+    #[arg(short, long, value_name = "FILE", default_value = "camchain.yaml")]
+    pub(crate) output: PathBuf,
+    /// Where to draw every corner and by how much it misses, as SVG
+    #[arg(long, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LensModel {
+    /// Radial and tangential distortion, k1, k2, p1, p2: plumb_bob
+    #[default]
+    Radtan,
+    /// A fisheye, k1 to k4
+    Equidistant,
 }
 
 #[derive(Debug, Args)]
@@ -653,6 +697,13 @@ fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {
     let within = |number: &f64| (least..=most).contains(number);
     let number = text.trim().parse::<f64>().ok().filter(within);
     number.ok_or_else(|| format!("expected a number from {least} to {most}"))
+}
+
+/// Reads `9x6`.
+fn board(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once(['x', 'X', '×']);
+    let sides = sides.and_then(|(a, b)| Some([a.trim().parse().ok()?, b.trim().parse().ok()?]));
+    sides.ok_or_else(|| "expected are two counts, as 9x6".to_owned())
 }
 
 /// An address of this machine.

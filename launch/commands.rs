@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 mod bench;
+mod calibrate;
 mod check_geometry;
 mod clean;
 mod completions;
@@ -39,6 +40,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Export(args) => export::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Tune(args) => tune::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::CheckGeometry(args) => check_geometry::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Top(args) => top::run(&args),

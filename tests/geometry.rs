@@ -9,13 +9,13 @@ mod rig;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use glam::{DMat2, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 use harness::{Ran, World};
 use image::GrayImage;
 use messages::bus::FramesOut;
 use messages::recording::Recording;
 use messages::{Image, Kind, Raw, Topic};
-use rig::{Camera, FISHEYE, RADTAN, SIZE, axes, kalibr, rig};
+use rig::{Camera, Eye, FISHEYE, RADTAN, SIZE, axes, kalibr, rig};
 use serde_json::Value;
 
 /// A wall that slants, and two boards before it, all painted.
@@ -89,44 +89,9 @@ fn paint(board: i64, u: f64, v: f64) -> f64 {
     }
 }
 
-/// The ray that a camera sees at a place of its image, in the rig's frame: Newton's method on where it sees rays.
-fn ray_at(camera: &Camera, place: DVec2) -> DVec3 {
-    let centre = DVec2::from(camera.centre);
-    let ray = |at: DVec2| camera.turn.transpose() * at.extend(1.0);
-    let sees = |at: DVec2| camera.sees(camera.place + ray(at));
-    let mut at = (place - centre) / DVec2::from(camera.focal);
-    for _ in 0..8 {
-        let (here, by) = (sees(at), 1e-6);
-        let slope = DMat2::from_cols(
-            (sees(at + DVec2::X * by) - here) / by,
-            (sees(at + DVec2::Y * by) - here) / by,
-        );
-        at += slope.inverse() * (place - here);
-    }
-    ray(at)
-}
-
-/// What a camera sees: sixteen rays a pixel.
+/// What a camera sees.
 fn picture(camera: &Camera) -> GrayImage {
-    let (width, height) = (SIZE.width as usize, SIZE.height as usize);
-    // Rays through the corners of pixels; between them they change evenly.
-    let corner = |i: usize| {
-        let place = [(i % (width + 1)) as f64, (i / (width + 1)) as f64];
-        ray_at(camera, DVec2::from(place) - 0.5)
-    };
-    let rays: Vec<DVec3> = (0..(width + 1) * (height + 1)).map(corner).collect();
-    GrayImage::from_fn(SIZE.width, SIZE.height, |x, y| {
-        let at = y as usize * (width + 1) + x as usize;
-        let mut sum = 0.0;
-        for sample in 0..16 {
-            let right = (f64::from(sample % 4) + 0.5) / 4.0;
-            let down = (f64::from(sample / 4) + 0.5) / 4.0;
-            let upper = rays[at].lerp(rays[at + 1], right);
-            let lower = rays[at + width + 1].lerp(rays[at + width + 2], right);
-            sum += seen(camera.place, upper.lerp(lower, down)).unwrap().1;
-        }
-        image::Luma([(sum / 16.0).round() as u8])
-    })
+    Eye::new(*camera).picture(|place, ray| seen(place, ray).unwrap().1)
 }
 
 /// Writes what these cameras see, and gives the folder.

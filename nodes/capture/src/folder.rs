@@ -133,14 +133,15 @@ impl Choice {
 
 /// What a folder holds, by type.
 #[derive(Debug, Default)]
-struct Listing {
-    images: Vec<PathBuf>,
-    folders: Vec<PathBuf>,
-    others: usize,
+pub(crate) struct Listing {
+    /// In the order of views.
+    pub(crate) images: Vec<PathBuf>,
+    pub(crate) folders: Vec<PathBuf>,
+    pub(crate) others: usize,
 }
 
 impl Listing {
-    fn read(folder: &Path) -> Result<Self, SourceError> {
+    pub(crate) fn read(folder: &Path) -> Result<Self, SourceError> {
         let mut listing = Self::default();
         for entry in fs::read_dir(folder).map_err(SourceError::io(folder))? {
             let path = entry.map_err(SourceError::io(folder))?.path();
@@ -154,8 +155,7 @@ impl Listing {
                 () => listing.others += 1,
             }
         }
-        listing.images.sort_by(|a, b| by_name(a, b));
-        sort_by_side(&mut listing.images);
+        sort(&mut listing.images);
         listing.folders.sort_by(|a, b| by_name(a, b));
         Ok(listing)
     }
@@ -319,6 +319,12 @@ pub(crate) fn name(path: &Path) -> String {
         .unwrap_or_else(|| path.display().to_string())
 }
 
+/// Puts views, or cameras, in their order: by name, and three of which one is called left and one right by side.
+pub(crate) fn sort(views: &mut [PathBuf]) {
+    views.sort_by(|a, b| by_name(a, b));
+    sort_by_side(views);
+}
+
 fn by_name(a: &Path, b: &Path) -> Ordering {
     let name = |path: &Path| {
         path.file_name()
@@ -351,7 +357,7 @@ fn sort_by_side(images: &mut [PathBuf]) {
 }
 
 /// Compares names as people do: runs of digits by their value, so that `view10` comes after `view9`.
-fn natural(a: &str, b: &str) -> Ordering {
+pub(crate) fn natural(a: &str, b: &str) -> Ordering {
     let (mut a, mut b) = (a, b);
     loop {
         let (first, second) = (piece(a), piece(b));

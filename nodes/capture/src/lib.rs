@@ -13,6 +13,8 @@
 //! wanted, always the same bytes: what was lost with a node that died is simply read again.
 
 pub mod alignment;
+#[cfg(feature = "calibrate")]
+pub mod calibrate;
 mod calibration;
 mod camera_info;
 mod description;

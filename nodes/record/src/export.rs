@@ -311,7 +311,10 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
 
 /// Writes a file beside its place and moves it there: it is whole, or it is not there. What is no plain file, such as a
 /// pipe, is written to as it is; `-` is standard output.
-pub(crate) fn whole(
+///
+/// # Errors
+/// What `write` says, or the system of the file.
+pub fn whole(
     path: &Path,
     write: impl FnOnce(&mut File) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {

@@ -57,7 +57,7 @@ pub(crate) enum Mount {
 
 impl Mount {
     /// A camera that maps points of the first camera's frame to its own by `rotation` and `translation`.
-    fn from_first(rotation: DMat3, translation: DVec3) -> Self {
+    pub(crate) fn from_first(rotation: DMat3, translation: DVec3) -> Self {
         let turn = rotation.transpose();
         Self::Posed {
             turn,

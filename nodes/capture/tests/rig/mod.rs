@@ -8,7 +8,8 @@
 
 use std::fmt::Write as _;
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3};
+use image::GrayImage;
 use messages::Size;
 
 /// Of every image.
@@ -66,6 +67,117 @@ impl Camera {
         let turn = self.turn * first.turn.transpose();
         (turn, self.turn * (first.place - self.place))
     }
+}
+
+/// The ray that a camera sees at a place of its image, in the rig's frame: Newton's method on where it sees rays.
+fn ray_at(camera: &Camera, place: DVec2) -> DVec3 {
+    let centre = DVec2::from(camera.centre);
+    let ray = |at: DVec2| camera.turn.transpose() * at.extend(1.0);
+    let sees = |at: DVec2| camera.sees(camera.place + ray(at));
+    let mut at = (place - centre) / DVec2::from(camera.focal);
+    for _ in 0..8 {
+        let (here, by) = (sees(at), 1e-6);
+        let slope = DMat2::from_cols(
+            (sees(at + DVec2::X * by) - here) / by,
+            (sees(at + DVec2::Y * by) - here) / by,
+        );
+        at += slope.inverse() * (place - here);
+    }
+    ray(at)
+}
+
+/// A camera that takes pictures.
+pub struct Eye {
+    pub camera: Camera,
+    /// Through the corners of pixels; between them they change evenly.
+    rays: Vec<DVec3>,
+}
+
+impl Eye {
+    pub fn new(camera: Camera) -> Self {
+        let across = SIZE.width as usize + 1;
+        let corner = |i: usize| {
+            let place = [(i % across) as f64, (i / across) as f64];
+            ray_at(&camera, DVec2::from(place) - 0.5)
+        };
+        let count = across * (SIZE.height as usize + 1);
+        Self {
+            camera,
+            rays: (0..count).map(corner).collect(),
+        }
+    }
+
+    /// What it sees of a world that has this gray level on a ray from a place: sixteen rays a pixel.
+    pub fn picture(&self, level: impl Fn(DVec3, DVec3) -> f64) -> GrayImage {
+        let across = SIZE.width as usize + 1;
+        let rays = &self.rays;
+        GrayImage::from_fn(SIZE.width, SIZE.height, |x, y| {
+            let at = y as usize * across + x as usize;
+            let mut sum = 0.0;
+            for sample in 0..16 {
+                let right = (f64::from(sample % 4) + 0.5) / 4.0;
+                let down = (f64::from(sample / 4) + 0.5) / 4.0;
+                let upper = rays[at].lerp(rays[at + 1], right);
+                let lower = rays[at + across].lerp(rays[at + across + 1], right);
+                sum += level(self.camera.place, upper.lerp(lower, down));
+            }
+            image::Luma([(sum / 16.0).round() as u8])
+        })
+    }
+}
+
+/// A chessboard held somewhere before the rig.
+#[derive(Clone, Copy, Debug)]
+pub struct Held {
+    /// Inner corners along its rows and columns, and the side of its squares in metres.
+    pub corners: [u32; 2],
+    pub square: f64,
+    /// Turns its directions (x along its rows, y down) into the rig's.
+    pub turn: DMat3,
+    /// The middle of its corners.
+    pub middle: DVec3,
+}
+
+impl Held {
+    /// The gray level on a ray from a place.
+    pub fn level(&self, place: DVec3, ray: DVec3) -> f64 {
+        let normal = self.turn.z_axis;
+        let far = (self.middle - place).dot(normal) / ray.dot(normal);
+        let at = self.turn.transpose() * (place + ray * far - self.middle) / self.square;
+        let half = self.corners.map(|count| (f64::from(count) - 1.0) / 2.0);
+        let (u, v) = (at.x + half[0] + 1.0, at.y + half[1] + 1.0);
+        let [columns, rows] = self.corners.map(|count| f64::from(count) + 1.0);
+        let is_near = |at: f64, count: f64| at > -0.6 && at < count + 0.6;
+        let is_on = |at: f64, count: f64| at >= 0.0 && at < count;
+        match (u.floor() + v.floor()).rem_euclid(2.0) as u8 {
+            _ if far <= 0.0 || !is_near(u, columns) || !is_near(v, rows) => 90.0,
+            _ if !is_on(u, columns) || !is_on(v, rows) => 225.0,
+            0 => 25.0,
+            _ => 225.0,
+        }
+    }
+}
+
+/// A board as people hold it: to all sides, tilted, nearer and farther.
+pub fn held(corners: [u32; 2], square: f64, count: usize) -> Vec<Held> {
+    let part = |i: usize, way: f64| (i as f64 * way).rem_euclid(1.0) * 2.0 - 1.0;
+    let one = |i: usize| {
+        // Even over the picture: multiples of what no fraction comes near.
+        let (across, down) = (part(i, 0.754_877_666), part(i, 0.569_840_290));
+        let far = 0.62 + 0.14 * part(i, 0.618_033_989);
+        let tilt = 0.6 * part(i, 0.414_213_562);
+        let nod = 0.6 * part(i, 0.236_067_977);
+        let roll = 0.25 * part(i, 0.302_775_638);
+        Held {
+            corners,
+            square,
+            turn: DMat3::from_rotation_y(tilt)
+                * DMat3::from_rotation_x(nod)
+                * DMat3::from_rotation_z(roll),
+            middle: DVec3::new(STEP + 0.14 * across, 0.13 * down, far),
+        }
+    };
+    (0..count).map(one).collect()
 }
 
 pub const BOB: Lens = Lens::Polynomial([-0.22, 0.08, 0.001, -0.0008, 0.01, 0.0, 0.0, 0.0]);

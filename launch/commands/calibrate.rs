@@ -1,0 +1,324 @@
+//! `tricurve calibrate`: what cameras are like and where they stand, from images of a board.
+
+use std::fmt::Write as _;
+use std::io::{IsTerminal as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use capture::SourceError;
+use capture::calibrate::{
+    Beside, Board, Calibrated, Found, LeftOut, Model, Observed, Shots, Sighting, Sure, calibrate,
+    read,
+};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+
+use crate::cli::{Calibrate as Args, LensModel};
+use crate::{Failure, Outcome};
+
+/// Pixels that corners miss by, from which on the other kind of lens is tried too.
+const DOUBTFUL_PX: f64 = 0.2;
+/// The part of that which the other kind must leave to be told.
+const BETTER: f64 = 0.7;
+
+pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    let board = match (args.marker, &args.dictionary) {
+        (Some(marker), Some(dictionary)) => {
+            Board::charuco(args.board, args.square, marker, dictionary)
+        }
+        _ => Board::chessboard(args.board, args.square),
+    };
+    let board = board.map_err(Failure::usage)?;
+    let wanted = std::iter::once(&args.output).chain(&args.picture);
+    for path in wanted {
+        if path.exists() && !args.force {
+            return Err(Failure::usage(format!(
+                "{} exists; give another name, or --force to replace it",
+                path.display()
+            )));
+        }
+    }
+    let shots = Shots::open(&args.folder).map_err(failure)?;
+    if !args.json {
+        crate::say!("{}; board: {}", summary(&shots), board.describe());
+    }
+    let observed = Observed {
+        shots: &shots,
+        found: observe(&board, &shots, args.json)?,
+    };
+    let model = match args.model {
+        LensModel::Radtan => Model::Radtan,
+        LensModel::Equidistant => Model::Equidistant,
+    };
+    let mut calibrated = calibrate(&board, model, &observed)
+        .map_err(|why| Failure::failed(format!("{}: {why}", args.folder.display())))?;
+    compare(&board, &observed, &mut calibrated);
+    let remarks = [
+        format!(
+            "tricurve {}: {} of {}",
+            env!("CARGO_PKG_VERSION"),
+            summary(&shots),
+            board.describe()
+        ),
+        format!("corners miss by {:.3} px (rms)", rms(&calibrated)),
+    ];
+    write(&args.output, &calibrated.to_kalibr(&remarks))?;
+    if let Some(picture) = &args.picture {
+        write(picture, &calibrated.to_svg())?;
+    }
+    match args.json {
+        true => super::print_json(&to_json(&calibrated, &shots, args))?,
+        false => super::print(&text(&calibrated, args))?,
+    }
+    Ok(Outcome::Done)
+}
+
+fn failure(error: SourceError) -> Failure {
+    match error.is_wrong_use() {
+        true => Failure::usage(error),
+        false => Failure::failed(error),
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    let written = record::whole(path, |file| {
+        file.write_all(text.as_bytes())
+            .map_err(|source| record::ExportError::Io {
+                path: path.to_owned(),
+                source,
+            })
+    });
+    written.map_err(Failure::failed)
+}
+
+fn summary(shots: &Shots) -> String {
+    let images = shots.count();
+    match shots.cameras.as_slice() {
+        [_] => format!("1 camera, {images} images"),
+        cameras => format!(
+            "{} cameras ({}), {images} images at {} times",
+            cameras.len(),
+            cameras.join(", "),
+            shots.shots.len()
+        ),
+    }
+}
+
+/// Looks for the board in every image, on all cores.
+fn observe(
+    board: &Board,
+    shots: &Shots,
+    is_quiet: bool,
+) -> Result<Vec<Vec<Option<Result<Sighting, String>>>>, Failure> {
+    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} images  {elapsed}");
+    let on_terminal = std::io::stderr().is_terminal() && !is_quiet;
+    let bar = on_terminal.then(|| {
+        ProgressBar::new(shots.count() as u64)
+            .with_style(style.unwrap_or(ProgressStyle::default_bar()))
+    });
+    let images: Vec<&PathBuf> = shots
+        .shots
+        .iter()
+        .flat_map(|shot| &shot.images)
+        .flatten()
+        .collect();
+    let next = AtomicUsize::new(0);
+    let look = || {
+        let mut found = Vec::new();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(path) = images.get(index) else {
+                return found;
+            };
+            let sighting = read(path).map(|(size, pixels)| board.find(size, &pixels));
+            if let Some(bar) = &bar {
+                bar.inc(1);
+            }
+            found.push((index, sighting));
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut found = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(look)).collect();
+        let joined = workers.into_iter().map(|worker| worker.join());
+        joined
+            .flat_map(|found| found.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect::<Vec<_>>()
+    });
+    if let Some(bar) = &bar {
+        bar.finish_and_clear();
+    }
+    found.sort_by_key(|(index, _)| *index);
+    let mut found = found.into_iter().map(|(_, sighting)| sighting);
+    let mut all = Vec::with_capacity(shots.shots.len());
+    for shot in &shots.shots {
+        let mut of_shot = Vec::with_capacity(shot.images.len());
+        for image in &shot.images {
+            let sighting = image.as_ref().and_then(|_| found.next());
+            of_shot.push(sighting.transpose().map_err(failure)?);
+        }
+        all.push(of_shot);
+    }
+    Ok(all)
+}
+
+/// Says whether the other kind of lens explains what was seen better.
+fn compare(board: &Board, observed: &Observed<'_>, calibrated: &mut Calibrated) {
+    let own = rms(calibrated);
+    if own < DOUBTFUL_PX {
+        return;
+    }
+    let other = calibrated.model.other();
+    let Ok(tried) = calibrate(board, other, observed) else {
+        return;
+    };
+    // Not by leaving out what it does not explain.
+    let used =
+        |calibrated: &Calibrated| calibrated.cameras.iter().map(|c| c.corners).sum::<usize>();
+    if rms(&tried) < BETTER * own && used(&tried) >= used(calibrated) {
+        calibrated.warnings.push(format!(
+            "with --model {} corners would miss by {:.2} px instead of {own:.2}",
+            other.name(),
+            rms(&tried)
+        ));
+    }
+}
+
+/// Pixels that the corners of all cameras miss by, root mean square.
+fn rms(calibrated: &Calibrated) -> f64 {
+    let each = calibrated.cameras.iter();
+    let squares: f64 = each
+        .map(|camera| camera.rms_px.powi(2) * camera.corners as f64)
+        .sum();
+    let corners: usize = calibrated.cameras.iter().map(|camera| camera.corners).sum();
+    (squares / corners.max(1) as f64).sqrt()
+}
+
+fn text(calibrated: &Calibrated, args: &Args) -> String {
+    let mut text = String::new();
+    let mut line = |line: String| writeln!(text, "{line}").unwrap_or_default();
+    let pair = |[first, second]: &[Sure; 2], digits: usize| {
+        format!(
+            "{:.1}±{:.digits$}, {:.1}±{:.digits$}",
+            first.value, first.std, second.value, second.std
+        )
+    };
+    line(format!(
+        "{:<14}{:>9}{:>9}{:>9}{:>9}  {:<28}{:<28}{:>8}",
+        "camera",
+        "images",
+        "corners",
+        "rms px",
+        "p95 px",
+        "focal length px",
+        "principal point px",
+        "covered"
+    ));
+    for camera in &calibrated.cameras {
+        let images = format!("{}/{}", camera.used[0], camera.used[1]);
+        line(format!(
+            "{:<14}{images:>9}{:>9}{:>9.3}{:>9.3}  {:<28}{:<28}{:>6.0} %",
+            camera.name,
+            camera.corners,
+            camera.rms_px,
+            camera.p95_px,
+            pair(&camera.focal, 2),
+            pair(&camera.centre, 2),
+            camera.covered() * 100.0
+        ));
+    }
+    if !calibrated.beside.is_empty() {
+        line(format!(
+            "\n{:<26}{:>9}{:>12}{:>12}{:>16}{:>16}",
+            "beside each other", "times", "apart mm", "turned", "rows median px", "rows p95 px"
+        ));
+    }
+    for beside in &calibrated.beside {
+        let rows = beside.rows_px.map(|rows| rows.map(|px| format!("{px:.3}")));
+        let [median, p95] = rows.unwrap_or_else(|| ["–", "–"].map(str::to_owned));
+        line(format!(
+            "{:<26}{:>9}{:>12.2}{:>11.2}°{median:>16}{p95:>16}",
+            beside.between.join(", "),
+            beside.together,
+            beside.apart_m * 1e3,
+            beside.turned_degrees
+        ));
+    }
+    if !calibrated.left_out.is_empty() {
+        line("\nnot used:".to_owned());
+    }
+    for LeftOut { camera, shot, why } in &calibrated.left_out {
+        line(match calibrated.cameras.len() {
+            1 => format!("  {shot}: {why}"),
+            _ => format!("  {shot}, {camera}: {why}"),
+        });
+    }
+    for notice in &calibrated.notices {
+        line(format!("\n{notice}"));
+    }
+    for warning in &calibrated.warnings {
+        line(format!("warning: {warning}"));
+    }
+    let rail = match calibrated.cameras.len() {
+        1 => " --set capture.mode=rail",
+        _ => "",
+    };
+    let file = args.output.display();
+    line(format!(
+        "\n{file}: tricurve run --source FOLDER --set capture.calibration={file}{rail}"
+    ));
+    if let Some(picture) = &args.picture {
+        line(format!(
+            "{}: every corner and by how much it misses",
+            picture.display()
+        ));
+    }
+    text
+}
+
+fn to_json(calibrated: &Calibrated, shots: &Shots, args: &Args) -> Value {
+    let sure = |all: &[Sure]| {
+        let values: Vec<f64> = all.iter().map(|sure| sure.value).collect();
+        let stds: Vec<f64> = all.iter().map(|sure| sure.std).collect();
+        json!({ "values": values, "std": stds })
+    };
+    let camera = |found: &Found| {
+        json!({
+            "name": found.name,
+            "size": [found.size.width, found.size.height],
+            "images_used": found.used[0],
+            "images": found.used[1],
+            "corners": found.corners,
+            "focal_px": sure(&found.focal),
+            "centre_px": sure(&found.centre),
+            "distortion": sure(&found.lens),
+            "rms_px": found.rms_px,
+            "median_px": found.median_px,
+            "p95_px": found.p95_px,
+            "covered": found.covered(),
+        })
+    };
+    let beside = |beside: &Beside| {
+        json!({
+            "between": beside.between,
+            "times": beside.together,
+            "apart_m": beside.apart_m,
+            "turned_degrees": beside.turned_degrees,
+            "rows_median_px": beside.rows_px.map(|rows| rows[0]),
+            "rows_p95_px": beside.rows_px.map(|rows| rows[1]),
+        })
+    };
+    let left_out =
+        |out: &LeftOut| json!({ "camera": out.camera, "shot": out.shot, "why": out.why });
+    json!({
+        "file": args.output,
+        "times": shots.shots.len(),
+        "model": calibrated.model.name(),
+        "rms_px": rms(calibrated),
+        "cameras": calibrated.cameras.iter().map(camera).collect::<Vec<_>>(),
+        "beside": calibrated.beside.iter().map(beside).collect::<Vec<_>>(),
+        "left_out": calibrated.left_out.iter().map(left_out).collect::<Vec<_>>(),
+        "notices": calibrated.notices,
+        "warnings": calibrated.warnings,
+    })
+}
