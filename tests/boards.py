@@ -18,7 +18,7 @@ import numpy as np
 SIZE = (640, 480)
 STEP = 0.06
 # Samples along each side of a pixel, and pixels a square when a board is drawn.
-SAMPLES = 4
+SAMPLES = 3
 DRAWN = 80
 
 

@@ -9,13 +9,13 @@ mod rig;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use harness::{Ran, World};
 use image::GrayImage;
 use messages::bus::FramesOut;
 use messages::recording::Recording;
 use messages::{Image, Kind, Raw, Topic};
-use rig::{Camera, Eye, FISHEYE, RADTAN, SIZE, axes, kalibr, rig};
+use rig::{Camera, Eye, FISHEYE, RADTAN, axes, held, kalibr, rig};
 use serde_json::Value;
 
 /// A wall that slants, and two boards before it, all painted.
@@ -392,4 +392,123 @@ fn frames_of_a_rail_that_lie_shifted_are_told() {
         around("1") < 0.1 && (around("3") - 2.56).abs() < 0.3,
         "{report}"
     );
+}
+
+/// Pictures of a board that was held before the cameras: a folder a camera.
+fn board_pictures(world: &World, cameras: &[Camera], count: usize) -> PathBuf {
+    let folder = world.path("board");
+    std::thread::scope(|scope| {
+        for (camera, name) in cameras.iter().zip(["left", "centre", "right"]) {
+            let folder = folder.join(name);
+            scope.spawn(move || {
+                fs::create_dir_all(&folder).unwrap();
+                let eye = Eye::new(*camera);
+                for (number, board) in held([9, 6], 0.03, count).iter().enumerate() {
+                    let picture = eye.picture(|place, ray| board.level(place, ray));
+                    picture
+                        .save(folder.join(format!("{number:02}.png")))
+                        .unwrap();
+                }
+            });
+        }
+    });
+    folder
+}
+
+#[test]
+fn cameras_that_were_calibrated_by_a_board_are_rectified_to_rows_that_match() {
+    let world = World::new();
+    let cameras = rig([RADTAN; 3]);
+    let folder = board_pictures(&world, &cameras, 16);
+    let board = folder.to_string_lossy();
+    let calibrate = ["calibrate", &board, "--board", "9x6", "--square", "0.03"];
+    let ran = world.run(&[&calibrate[..], &["--picture", "board.svg"]].concat());
+    let ran = ran.done();
+    for said in [
+        "left",
+        "centre, right",
+        "steps of ",
+        "camchain.yaml: tricurve run",
+    ] {
+        assert!(ran.out.contains(said), "{said}: {}", ran.out);
+    }
+    assert!(
+        ran.err
+            .contains("3 cameras (left, centre, right), 48 images at 16 times")
+    );
+    let svg = fs::read_to_string(world.path("board.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    assert_eq!(svg.matches("<clipPath").count(), 3);
+    // What is there is not replaced unasked.
+    let again = world.run(&calibrate);
+    assert_eq!(again.code, Some(2));
+    assert!(
+        again
+            .err
+            .contains("camchain.yaml exists; give another name, or --force")
+    );
+    // The rig is the same that looks at the scene.
+    let scene = scene(&world, "scene", &cameras);
+    let (code, mended) = check(&world, &scene, &["capture.calibration=camchain.yaml"]);
+    assert_eq!(
+        (code, &mended["verdict"]),
+        (Some(0), &Value::from("works")),
+        "{mended}"
+    );
+    for pair in mended["pairs"].as_array().unwrap() {
+        assert!(pair["p95_px"].as_f64().unwrap() < 0.15, "{mended}");
+    }
+}
+
+#[test]
+fn what_no_board_can_be_found_in_is_refused_in_a_sentence() {
+    let world = World::new();
+    let camera = straight(0);
+    let folder = world.path("walls");
+    fs::create_dir_all(&folder).unwrap();
+    for number in 0..3 {
+        picture(&camera)
+            .save(folder.join(format!("{number}.png")))
+            .unwrap();
+    }
+    let empty = world.path("empty");
+    fs::create_dir_all(&empty).unwrap();
+    let calibrate = |folder: &Path, more: &[&str]| {
+        let folder = folder.to_string_lossy();
+        world.run(&[&["calibrate", &folder, "--square", "0.03"][..], more].concat())
+    };
+    let cases = [
+        (
+            calibrate(&folder, &["--board", "9x6"]),
+            1,
+            "is to be used in 0 of 3 images of camera (0: ",
+        ),
+        (
+            calibrate(&folder, &["--board", "9"]),
+            2,
+            "expected are two counts, as 9x6",
+        ),
+        (
+            calibrate(&folder, &["--board", "2x2"]),
+            2,
+            "expected are 3 to 100 each way",
+        ),
+        (
+            calibrate(&folder, &["--board", "9x6", "--marker", "0.02"]),
+            2,
+            "--dictionary",
+        ),
+        (calibrate(&empty, &["--board", "9x6"]), 1, "holds no images"),
+        (
+            calibrate(&world.path("nowhere"), &["--board", "9x6"]),
+            1,
+            "there is no folder",
+        ),
+    ];
+    for (ran, code, says) in cases {
+        assert_eq!(ran.code, Some(code), "{says}: {ran:?}");
+        assert!(ran.err.contains(says), "{says}: {}", ran.err);
+    }
+    // Nothing that was not found out is written.
+    assert!(!world.path("camchain.yaml").exists());
 }

@@ -7,8 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use capture::SourceError;
 use capture::calibrate::{
-    Beside, Board, Calibrated, Found, LeftOut, Model, Observed, Shots, Sighting, Sure, calibrate,
-    read,
+    Beside, Board, Calibrated, Found, LeftOut, Model, Observed, Shots, Sure, calibrate, read,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -42,10 +41,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if !args.json {
         crate::say!("{}; board: {}", summary(&shots), board.describe());
     }
-    let observed = Observed {
-        shots: &shots,
-        found: observe(&board, &shots, args.json)?,
-    };
+    let observed = observe(&board, &shots, args.json)?;
     let model = match args.model {
         LensModel::Radtan => Model::Radtan,
         LensModel::Equidistant => Model::Equidistant,
@@ -105,11 +101,7 @@ fn summary(shots: &Shots) -> String {
 }
 
 /// Looks for the board in every image, on all cores.
-fn observe(
-    board: &Board,
-    shots: &Shots,
-    is_quiet: bool,
-) -> Result<Vec<Vec<Option<Result<Sighting, String>>>>, Failure> {
+fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Result<Observed<'a>, Failure> {
     let style = ProgressStyle::with_template("{bar:32} {pos}/{len} images  {elapsed}");
     let on_terminal = std::io::stderr().is_terminal() && !is_quiet;
     let bar = on_terminal.then(|| {
@@ -150,16 +142,19 @@ fn observe(
     }
     found.sort_by_key(|(index, _)| *index);
     let mut found = found.into_iter().map(|(_, sighting)| sighting);
-    let mut all = Vec::with_capacity(shots.shots.len());
+    let mut by_shot = Vec::with_capacity(shots.shots.len());
     for shot in &shots.shots {
         let mut of_shot = Vec::with_capacity(shot.images.len());
         for image in &shot.images {
             let sighting = image.as_ref().and_then(|_| found.next());
             of_shot.push(sighting.transpose().map_err(failure)?);
         }
-        all.push(of_shot);
+        by_shot.push(of_shot);
     }
-    Ok(all)
+    Ok(Observed {
+        shots,
+        found: by_shot,
+    })
 }
 
 /// Says whether the other kind of lens explains what was seen better.

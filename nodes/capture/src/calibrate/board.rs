@@ -59,6 +59,20 @@ impl Sighting {
     pub fn count(&self) -> usize {
         self.corners.len()
     }
+
+    /// The corners: column and row on the board, column and row in the image.
+    pub fn corners(&self) -> impl Iterator<Item = ([u32; 2], [f64; 2])> {
+        self.corners
+            .iter()
+            .map(|(&corner, at)| (corner, at.to_array()))
+    }
+
+    /// Moves a corner to where it is said to be by other means, in columns and rows.
+    pub fn shift(&mut self, corner: [u32; 2], by: [f64; 2]) {
+        if let Some(at) = self.corners.get_mut(&corner) {
+            *at += DVec2::from(by);
+        }
+    }
 }
 
 impl Board {
@@ -214,24 +228,24 @@ impl Board {
         let detector = ChessboardDetector::new(ChessboardParams::default())
             .map_err(|error| format!("the detector does not start: {error}"))?;
         let detection = detector.detect(&seen).ok_or("no board")?;
-        let grid = detection
-            .corners
-            .iter()
-            .map(|c| (c.grid.u, c.grid.v, c.position));
-        let grid: Vec<_> = grid.collect();
-        let span = |of: &dyn Fn(&(i32, i32, nalgebra::Point2<f32>)) -> i32| {
-            let least = grid.iter().map(of).min().unwrap_or_default();
-            let most = grid.iter().map(of).max().unwrap_or_default();
+        let span = |along: &dyn Fn(usize) -> i32| {
+            let all = 0..detection.corners.len();
+            let least = all.clone().map(along).min().unwrap_or_default();
+            let most = all.map(along).max().unwrap_or_default();
             (least, most.abs_diff(least) + 1)
         };
-        let (left, across) = span(&|c| c.0);
-        let (top, down) = span(&|c| c.1);
+        let (left, across) = span(&|i| detection.corners[i].grid.u);
+        let (top, down) = span(&|i| detection.corners[i].grid.v);
         let is_upright = [across, down] == self.corners;
         if !is_upright && [down, across] != self.corners {
-            return Err(format!("only {across}x{down} corners in a row"));
+            let [columns, rows] = self.corners;
+            return Err(format!(
+                "{across}x{down} corners are seen, and the board has {columns}x{rows}"
+            ));
         }
-        let numbered = grid.iter().map(|&(u, v, at)| {
-            let (u, v) = (u.abs_diff(left), v.abs_diff(top));
+        let numbered = detection.corners.iter().map(|corner| {
+            let (u, v) = (corner.grid.u.abs_diff(left), corner.grid.v.abs_diff(top));
+            let at = corner.position;
             // Turned by a quarter, so that columns still go on to the right of rows.
             let corner = match is_upright {
                 true => [u, v],

@@ -73,13 +73,16 @@ impl Model {
     }
 }
 
+/// What an image shows of the board, or why that is nothing.
+pub type Look = Result<Sighting, String>;
+
 /// What was seen of the board: sightings by shot, then by camera; why an image has none.
 #[derive(Clone, Debug)]
 pub struct Observed<'a> {
     /// Who took what.
     pub shots: &'a Shots,
     /// Of each shot, of each camera: `None` where it took no image.
-    pub found: Vec<Vec<Option<Result<Sighting, String>>>>,
+    pub found: Vec<Vec<Option<Look>>>,
 }
 
 /// A value and its standard deviation.
@@ -194,16 +197,15 @@ pub fn calibrate(
     fit.check()?;
     let (intrinsics, places) = fit.alone()?;
     fit.together(intrinsics, places)?;
-    // What does not fit drags the rest with it, so the worst is taken out first.
-    for _ in 0..8 {
+    // What does not fit drags the rest with it, so the worst is taken out first. It ends: every round takes something.
+    loop {
         let task = fit.seen();
         fit.estimate = fit.task(&task).solve(fit.estimate.clone());
         if !fit.drop_misfits() {
-            break;
+            return fit.report();
         }
         fit.check()?;
     }
-    fit.report()
 }
 
 impl<'a> Fit<'a> {
@@ -449,26 +451,11 @@ impl<'a> Fit<'a> {
     }
 
     fn report(mut self) -> Result<Calibrated, String> {
-        // Shots that nobody saw any more have no place.
-        let kept: Vec<bool> = self
-            .used
-            .iter()
-            .map(|of| of.iter().any(Option::is_some))
-            .collect();
-        let mut index = 0..;
-        let renumber: Vec<usize> = kept
-            .iter()
-            .map(|&kept| if kept { index.next().unwrap_or(0) } else { 0 })
-            .collect();
-        let mut seen = self.seen();
-        seen.iter_mut()
-            .for_each(|one| one.shot = renumber[one.shot]);
-        let mut estimate = self.estimate.clone();
-        let mut keep = kept.iter();
-        estimate.boards.retain(|_| keep.next() == Some(&true));
+        let seen = self.seen();
+        let estimate = &self.estimate;
         let task = self.task(&seen);
-        let sure = task.sure(&estimate).ok_or_else(unclear)?;
-        let misses = task.misses(&estimate);
+        let sure = task.sure(estimate).ok_or_else(unclear)?;
+        let misses = task.misses(estimate);
         let mut warnings = Vec::new();
         let mut cameras = Vec::new();
         for (camera, name) in self.shots.cameras.iter().enumerate() {
@@ -504,7 +491,7 @@ impl<'a> Fit<'a> {
             cameras.push(found);
         }
         let mut notices = Vec::new();
-        let geometry = self.geometry(&estimate, &mut notices, &mut warnings);
+        let geometry = self.geometry(&mut notices, &mut warnings);
         let beside = (1..cameras.len())
             .map(|camera| self.beside(camera, geometry.as_ref()))
             .collect();
@@ -521,18 +508,13 @@ impl<'a> Fit<'a> {
             left_out: self.left_out,
             warnings,
             notices,
-            mounts: estimate.mounts,
+            mounts: self.estimate.mounts,
         })
     }
 
     /// What the cameras are rectified to, where that can be.
-    fn geometry(
-        &self,
-        estimate: &Estimate,
-        notices: &mut Vec<String>,
-        warnings: &mut Vec<String>,
-    ) -> Option<Geometry> {
-        let sizes = &self.shots.sizes;
+    fn geometry(&self, notices: &mut Vec<String>, warnings: &mut Vec<String>) -> Option<Geometry> {
+        let (sizes, estimate) = (&self.shots.sizes, &self.estimate);
         if sizes.iter().any(|size| *size != sizes[0]) {
             warnings
                 .push("the cameras' images differ in size, and such are not matched".to_owned());

@@ -10,7 +10,7 @@ const GAP: f64 = 24.0;
 /// Room above a panel for its name and figures.
 const HEAD: f64 = 44.0;
 /// Room below all for the legend.
-const FOOT: f64 = 34.0;
+const FOOT: f64 = 70.0;
 /// How long the 95th percentile of all misses is drawn.
 const DRAWN: f64 = 16.0;
 
@@ -41,13 +41,22 @@ impl Calibrated {
             let left = GAP + (PANEL + GAP) * number as f64;
             panel(&mut svg, camera, left, times);
         }
-        let y = HEAD + tallest + 22.0;
-        let x = GAP;
-        writeln!(
-            svg,
-            "<text x=\"{x}\" y=\"{y}\" fill=\"#333\">a dot: a corner of the board; its line: from where it is seen to where it ought to be, {times} times as long; shaded: no corner was seen there</text>\n</svg>"
-        )
-        .unwrap_or_default();
+        let legend = [
+            "a dot: a corner of the board".to_owned(),
+            format!(
+                "its line: from where it is seen to where it ought to be, {times} times as long"
+            ),
+            "shaded: no corner was seen there".to_owned(),
+        ];
+        for (number, text) in legend.into_iter().enumerate() {
+            let y = HEAD + tallest + 22.0 + 18.0 * number as f64;
+            writeln!(
+                svg,
+                "<text x=\"{GAP}\" y=\"{y}\" fill=\"#333\">{text}</text>"
+            )
+            .unwrap_or_default();
+        }
+        svg.push_str("</svg>\n");
         svg
     }
 }

@@ -334,15 +334,15 @@ impl Task<'_> {
     pub(crate) fn sure(&self, estimate: &Estimate) -> Option<Sure> {
         let normal = self.normal(estimate)?;
         let (starts, count) = self.layout(estimate.intrinsics.len());
-        let freedom = (2 * self.seen.len()).checked_sub(count + POSE * estimate.boards.len())?;
+        let places = normal.boards.iter().filter(|board| board.is_seen()).count();
+        let freedom = (2 * self.seen.len()).checked_sub(count + POSE * places)?;
         let variance = self.cost(estimate) / freedom.max(1) as f64;
         let covariance = normal.reduced(0.0)?.0.try_inverse()?;
         let each = starts.iter().map(|&start| {
-            let mut next = start;
             let mut sure = [0.0; INTRINSIC];
-            for (sure, _) in sure.iter_mut().zip(self.free).filter(|(_, free)| *free) {
-                *sure = (variance * covariance[(next, next)].max(0.0)).sqrt();
-                next += 1;
+            let numbers = sure.iter_mut().zip(self.free).filter(|(_, free)| *free);
+            for ((sure, _), at) in numbers.zip(start..) {
+                *sure = (variance * covariance[(at, at)].max(0.0)).sqrt();
             }
             sure
         });
@@ -359,7 +359,7 @@ impl Normal {
         let mut left = damped(&self.rig, damping);
         let mut right = self.rig_side.clone();
         for block in &self.boards {
-            let inverse = block.damped(damping).try_inverse()?;
+            let inverse = block.inverse(damping)?;
             let through = block.shared.transpose() * inverse;
             left -= &through * &block.shared;
             right -= through * block.side;
@@ -375,7 +375,7 @@ impl Normal {
             .iter()
             .map(|block| {
                 let side = block.side - &block.shared * &rig;
-                Some(block.damped(damping).try_inverse()? * side)
+                Some(block.inverse(damping)? * side)
             })
             .collect();
         Some((rig, boards?))
@@ -383,12 +383,20 @@ impl Normal {
 }
 
 impl Block {
-    fn damped(&self, damping: f64) -> SMatrix<f64, POSE, POSE> {
+    /// The inverse of its own part; nothing where the board was not seen, whose place then stays.
+    fn inverse(&self, damping: f64) -> Option<SMatrix<f64, POSE, POSE>> {
+        if !self.is_seen() {
+            return Some(SMatrix::zeros());
+        }
         let mut own = self.own;
         for i in 0..POSE {
             own[(i, i)] *= 1.0 + damping;
         }
-        own
+        own.try_inverse()
+    }
+
+    fn is_seen(&self) -> bool {
+        self.own.trace() > 0.0
     }
 }
 
