@@ -177,7 +177,7 @@ fn boards_that_look_the_same_from_two_or_four_sides_are_one_to_all_cameras() {
             .into_iter()
             .map(|mut board| {
                 board.turn *= DMat3::from_rotation_z(46f64.to_radians());
-                board.middle = board.middle * DVec3::new(1.0, 0.6, 1.0);
+                board.middle *= DVec3::new(1.0, 0.6, 1.0);
                 board
             })
             .collect::<Vec<_>>();
