@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The program needs the crate `messages` only. What it writes lies in shared memory already; capture puts frames of the
-//! three views together by their times. A run with `--set capture.mode=rail --set capture.baseline=0.01` gets the frames of
+//! views together by their times. A run with `--set capture.mode=rail --set capture.baseline=0.01` gets the frames of
 //! one camera that moves, each with the place where it was taken.
 
 use std::error::Error;
@@ -22,12 +22,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args_os().nth(1);
     let folder = folder.ok_or("expected the folder that the run says it waits in")?;
     let folder = Path::new(&folder);
-    if let Ok(camera) = FramesOut::join(folder, "moving") {
-        return along_a_rail(folder, camera);
-    }
-    let mut cameras = Vec::new();
-    for view in ["left", "centre", "right"] {
-        cameras.push(FramesOut::join(folder, view)?);
+    let views = FramesOut::views(folder)?;
+    let join = |view: &String| FramesOut::join(folder, view);
+    let mut cameras = views.iter().map(join).collect::<Result<Vec<_>, _>>()?;
+    if views == ["moving"] {
+        return along_a_rail(folder, cameras.remove(0));
     }
     // Until the run is over and its folder gone.
     while folder.exists() {

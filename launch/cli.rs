@@ -109,7 +109,8 @@ impl From<DeliveryArg> for Delivery {
 pub(crate) struct Run {
     /// The graph file; without one, the built-in graph
     pub(crate) graph: Option<PathBuf>,
-    /// scene:tab, scene:jack, scene:screwdriver, scene:all, a folder of images, or a folder of such folders
+    /// scene:tab, scene:jack, scene:screwdriver, scene:all, a folder of images, a folder of such folders, or cameras:
+    /// camera:gstreamer, camera:v4l, camera:bus
     #[arg(long, value_name = "SPEC")]
     pub(crate) source: Option<String>,
     /// Which of the source's views, left to right: at least three at equal steps, or all
@@ -166,6 +167,9 @@ pub(crate) struct Calibrate {
     /// A ChArUco board's dictionary by OpenCV's name, as DICT_4X4_50
     #[arg(long, value_name = "NAME", requires = "marker")]
     pub(crate) dictionary: Option<String>,
+    /// What folders in FOLDER hold; without it, the cameras are the fewer
+    #[arg(long, value_enum)]
+    pub(crate) folders: Option<Hold>,
     /// What the lenses do
     #[arg(long, value_enum, default_value = "radtan")]
     pub(crate) model: LensModel,
@@ -173,7 +177,7 @@ pub(crate) struct Calibrate {
     #[arg(short, long, value_name = "FILE", default_value = "camchain.yaml")]
     pub(crate) output: PathBuf,
     /// Where to draw every corner and by how much it misses, as SVG
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE.svg", value_parser = svg)]
     pub(crate) picture: Option<PathBuf>,
     /// Replace files that exist
     #[arg(long)]
@@ -187,9 +191,20 @@ pub(crate) struct Calibrate {
 pub(crate) enum LensModel {
     /// Radial and tangential distortion, k1, k2, p1, p2: plumb_bob
     #[default]
+    #[value(alias = "plumb_bob")]
     Radtan,
     /// A fisheye, k1 to k4
+    #[value(alias = "fisheye")]
     Equidistant,
+}
+
+/// What each folder of images holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Hold {
+    /// The images of one camera
+    Cameras,
+    /// The images of one time, one of each camera
+    Times,
 }
 
 #[derive(Debug, Args)]
@@ -697,6 +712,16 @@ fn number(text: &str, least: f64, most: f64) -> Result<f64, String> {
     let within = |number: &f64| (least..=most).contains(number);
     let number = text.trim().parse::<f64>().ok().filter(within);
     number.ok_or_else(|| format!("expected a number from {least} to {most}"))
+}
+
+/// A file that is called what it will be.
+fn svg(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+    match ending.is_some_and(|ending| ending == "svg") || text == "-" {
+        true => Ok(path),
+        false => Err("the picture is an SVG file: give a name that ends in .svg".to_owned()),
+    }
 }
 
 /// Reads `9x6`.

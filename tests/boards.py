@@ -175,7 +175,7 @@ def main(program, folder):
     board = cv2.aruco.CharucoBoard((columns, rows), square, marker, cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name)))
     drawing = marked(board, columns, rows)
     alone = folder / "alone"
-    alone.mkdir()
+    alone.mkdir(exist_ok=True)
     for number, (turn, middle) in enumerate(places(24, 0.26)):
         picture = seen(cameras["left"], directions["left"], drawing, square, turn, middle, noise)
         cv2.imwrite(str(alone / f"frame{number:03}.png"), picture)
@@ -183,7 +183,7 @@ def main(program, folder):
     (one,) = calibrated(program, alone, *arguments)["cameras"]
     check("ChArUco", one, opencv(alone, find_marked(board)), cameras["left"], 1.0)
     whole = one["images_used"] * (columns - 1) * (rows - 1)
-    assert one["corners"] < whole, "boards were to be partly outside"
+    assert one["corners_used"] < whole, "boards were to be partly outside"
 
 
 if __name__ == "__main__":

@@ -434,7 +434,7 @@ fn cameras_that_were_calibrated_by_a_board_are_rectified_to_rows_that_match() {
     }
     assert!(
         ran.err
-            .contains("3 cameras (left, centre, right), 48 images at 16 times")
+            .contains("3 cameras, a folder each (left, centre, right), 48 images at 16 times")
     );
     let svg = fs::read_to_string(world.path("board.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
@@ -481,7 +481,7 @@ fn what_no_board_can_be_found_in_is_refused_in_a_sentence() {
         (
             calibrate(&folder, &["--board", "9x6"]),
             1,
-            "is to be used in 0 of 3 images of camera (0: ",
+            "is to be used in 0 of 3 images of camera (in ",
         ),
         (
             calibrate(&folder, &["--board", "9"]),
@@ -501,7 +501,7 @@ fn what_no_board_can_be_found_in_is_refused_in_a_sentence() {
         (calibrate(&empty, &["--board", "9x6"]), 1, "holds no images"),
         (
             calibrate(&world.path("nowhere"), &["--board", "9x6"]),
-            1,
+            2,
             "there is no folder",
         ),
     ];

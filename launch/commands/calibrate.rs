@@ -7,12 +7,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use capture::SourceError;
 use capture::calibrate::{
-    Beside, Board, Calibrated, Found, LeftOut, Model, Observed, Shots, Sure, calibrate, read,
+    Beside, Board, Calibrated, Folders, Found, Layout, LeftOut, Model, Observed, Shots, Sure,
+    calibrate, read,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
-use crate::cli::{Calibrate as Args, LensModel};
+use crate::cli::{Calibrate as Args, Hold, LensModel};
 use crate::{Failure, Outcome};
 
 /// Pixels that corners miss by, from which on the other kind of lens is tried too.
@@ -21,6 +22,18 @@ const DOUBTFUL_PX: f64 = 0.2;
 const BETTER: f64 = 0.7;
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    if !args.folder.is_dir() {
+        return Err(Failure::usage(format!(
+            "there is no folder {}: give the one that holds the images of the board",
+            args.folder.display()
+        )));
+    }
+    let to_stdout = args.output == Path::new("-");
+    if to_stdout && args.json {
+        return Err(Failure::usage(
+            "the cameras and the JSON cannot both go to standard output: give --output a file",
+        ));
+    }
     let board = match (args.marker, &args.dictionary) {
         (Some(marker), Some(dictionary)) => {
             Board::charuco(args.board, args.square, marker, dictionary)
@@ -29,7 +42,24 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let board = board.map_err(Failure::usage)?;
     let wanted = std::iter::once(&args.output).chain(&args.picture);
-    for path in wanted {
+    if args.picture.as_ref() == Some(&args.output) {
+        return Err(Failure::usage(
+            "--output and --picture name one file, and each needs its own",
+        ));
+    }
+    for path in wanted.filter(|path| *path != Path::new("-")) {
+        let parent = path.parent().filter(|parent| *parent != Path::new(""));
+        if path.is_dir() || parent.is_some_and(|parent| !parent.is_dir()) {
+            return Err(Failure::usage(format!(
+                "{} cannot be written: {}",
+                path.display(),
+                if path.is_dir() {
+                    "it is a folder"
+                } else {
+                    "its folder is not there"
+                }
+            )));
+        }
         if path.exists() && !args.force {
             return Err(Failure::usage(format!(
                 "{} exists; give another name, or --force to replace it",
@@ -37,11 +67,34 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             )));
         }
     }
-    let shots = Shots::open(&args.folder).map_err(failure)?;
+    let folders = match args.folders {
+        None => Folders::Fewer,
+        Some(Hold::Cameras) => Folders::Cameras,
+        Some(Hold::Times) => Folders::Times,
+    };
+    let shots = Shots::open(&args.folder, folders).map_err(failure)?;
     if !args.json {
         crate::say!("{}; board: {}", summary(&shots), board.describe());
     }
-    let observed = observe(&board, &shots, args.json)?;
+    let are_folders = matches!(shots.layout, Layout::FolderACamera | Layout::FolderATime);
+    if are_folders && args.folders.is_none() && shots.shots.len() < 2 * shots.cameras.len() {
+        crate::say!(
+            "tricurve: what the folders hold is a guess where times are few: --folders cameras or --folders times says it"
+        );
+    }
+    if shots.ignored > 0 {
+        crate::say!(
+            "tricurve: {} images that lie elsewhere in {} are ignored",
+            shots.ignored,
+            args.folder.display()
+        );
+    }
+    if shots.is_by_order {
+        crate::say!(
+            "tricurve: no two images have a number or name in common: they are put together by their order"
+        );
+    }
+    let observed = observe(&board, &shots, args.json);
     let model = match args.model {
         LensModel::Radtan => Model::Radtan,
         LensModel::Equidistant => Model::Equidistant,
@@ -58,21 +111,35 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         ),
         format!("corners miss by {:.3} px (rms)", rms(&calibrated)),
     ];
-    write(&args.output, &calibrated.to_kalibr(&remarks))?;
-    if let Some(picture) = &args.picture {
-        write(picture, &calibrated.to_svg())?;
-    }
+    let written = write(&args.output, &calibrated.to_kalibr(&remarks));
+    let picture = args.picture.as_ref();
+    let drawn = picture.map(|path| write(path, &calibrated.to_svg()));
     match args.json {
         true => super::print_json(&to_json(&calibrated, &shots, args))?,
+        // Nothing else where the file itself goes.
+        false if to_stdout => crate::say!("{}", text(&calibrated, args).trim_end()),
         false => super::print(&text(&calibrated, args))?,
     }
+    // What was found out is told even where it could not be written.
+    written?;
+    drawn.transpose()?;
     Ok(Outcome::Done)
 }
 
 fn failure(error: SourceError) -> Failure {
-    match error.is_wrong_use() {
-        true => Failure::usage(error),
-        false => Failure::failed(error),
+    match error {
+        SourceError::SizeDiffers {
+            path,
+            size,
+            first,
+            expected,
+        } => Failure::failed(format!(
+            "{} has {size} pixels and {} {expected}: the images of one camera must be of one size",
+            path.display(),
+            first.display()
+        )),
+        error if error.is_wrong_use() => Failure::usage(error),
+        error => Failure::failed(error),
     }
 }
 
@@ -88,11 +155,20 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
 }
 
 fn summary(shots: &Shots) -> String {
-    let images = shots.count();
+    let images = match shots.count() {
+        1 => "1 image".to_owned(),
+        count => format!("{count} images"),
+    };
+    let how = match shots.layout {
+        Layout::Alone => "",
+        Layout::Words => ", by name",
+        Layout::FolderACamera => ", a folder each",
+        Layout::FolderATime => ", a folder a time",
+    };
     match shots.cameras.as_slice() {
-        [_] => format!("1 camera, {images} images"),
+        [_] => format!("1 camera, {images}"),
         cameras => format!(
-            "{} cameras ({}), {images} images at {} times",
+            "{} cameras{how} ({}), {images} at {} times",
             cameras.len(),
             cameras.join(", "),
             shots.shots.len()
@@ -101,7 +177,7 @@ fn summary(shots: &Shots) -> String {
 }
 
 /// Looks for the board in every image, on all cores.
-fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Result<Observed<'a>, Failure> {
+fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Observed<'a> {
     let style = ProgressStyle::with_template("{bar:32} {pos}/{len} images  {elapsed}");
     let on_terminal = std::io::stderr().is_terminal() && !is_quiet;
     let bar = on_terminal.then(|| {
@@ -122,7 +198,11 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Result<Observ
             let Some(path) = images.get(index) else {
                 return found;
             };
-            let sighting = read(path).map(|(size, pixels)| board.find(size, &pixels));
+            // One that cannot be read is told with those on which no board is found.
+            let sighting = match read(path) {
+                Ok((size, pixels)) => board.find(size, &pixels),
+                Err(error) => Err(error.to_string()),
+            };
             if let Some(bar) = &bar {
                 bar.inc(1);
             }
@@ -146,15 +226,14 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Result<Observ
     for shot in &shots.shots {
         let mut of_shot = Vec::with_capacity(shot.images.len());
         for image in &shot.images {
-            let sighting = image.as_ref().and_then(|_| found.next());
-            of_shot.push(sighting.transpose().map_err(failure)?);
+            of_shot.push(image.as_ref().and_then(|_| found.next()));
         }
         by_shot.push(of_shot);
     }
-    Ok(Observed {
+    Observed {
         shots,
         found: by_shot,
-    })
+    }
 }
 
 /// Says whether the other kind of lens explains what was seen better.
@@ -168,8 +247,13 @@ fn compare(board: &Board, observed: &Observed<'_>, calibrated: &mut Calibrated) 
         return;
     };
     // Not by leaving out what it does not explain.
-    let used =
-        |calibrated: &Calibrated| calibrated.cameras.iter().map(|c| c.corners).sum::<usize>();
+    let used = |calibrated: &Calibrated| {
+        calibrated
+            .cameras
+            .iter()
+            .map(|c| c.corners[0])
+            .sum::<usize>()
+    };
     if rms(&tried) < BETTER * own && used(&tried) >= used(calibrated) {
         calibrated.warnings.push(format!(
             "with --model {} corners would miss by {:.2} px instead of {own:.2}",
@@ -183,9 +267,13 @@ fn compare(board: &Board, observed: &Observed<'_>, calibrated: &mut Calibrated) 
 fn rms(calibrated: &Calibrated) -> f64 {
     let each = calibrated.cameras.iter();
     let squares: f64 = each
-        .map(|camera| camera.rms_px.powi(2) * camera.corners as f64)
+        .map(|camera| camera.rms_px.powi(2) * camera.corners[0] as f64)
         .sum();
-    let corners: usize = calibrated.cameras.iter().map(|camera| camera.corners).sum();
+    let corners: usize = calibrated
+        .cameras
+        .iter()
+        .map(|camera| camera.corners[0])
+        .sum();
     (squares / corners.max(1) as f64).sqrt()
 }
 
@@ -199,7 +287,7 @@ fn text(calibrated: &Calibrated, args: &Args) -> String {
         )
     };
     line(format!(
-        "{:<14}{:>9}{:>9}{:>9}{:>9}  {:<28}{:<28}{:>8}",
+        "{:<14}{:>9}{:>12}{:>9}{:>9}  {:<28}{:<28}{:>8}",
         "camera",
         "images",
         "corners",
@@ -211,10 +299,10 @@ fn text(calibrated: &Calibrated, args: &Args) -> String {
     ));
     for camera in &calibrated.cameras {
         let images = format!("{}/{}", camera.used[0], camera.used[1]);
+        let corners = format!("{}/{}", camera.corners[0], camera.corners[1]);
         line(format!(
-            "{:<14}{images:>9}{:>9}{:>9.3}{:>9.3}  {:<28}{:<28}{:>6.0} %",
+            "{:<14}{images:>9}{corners:>12}{:>9.3}{:>9.3}  {:<28}{:<28}{:>6.0} %",
             camera.name,
-            camera.corners,
             camera.rms_px,
             camera.p95_px,
             pair(&camera.focal, 2),
@@ -242,7 +330,10 @@ fn text(calibrated: &Calibrated, args: &Args) -> String {
     if !calibrated.left_out.is_empty() {
         line("\nnot used:".to_owned());
     }
-    for LeftOut { camera, shot, why } in &calibrated.left_out {
+    for LeftOut {
+        camera, shot, why, ..
+    } in &calibrated.left_out
+    {
         line(match calibrated.cameras.len() {
             1 => format!("  {shot}: {why}"),
             _ => format!("  {shot}, {camera}: {why}"),
@@ -254,14 +345,21 @@ fn text(calibrated: &Calibrated, args: &Args) -> String {
     for warning in &calibrated.warnings {
         line(format!("warning: {warning}"));
     }
-    let rail = match calibrated.cameras.len() {
-        1 => " --set capture.mode=rail",
-        _ => "",
-    };
     let file = args.output.display();
-    line(format!(
-        "\n{file}: tricurve run --source FOLDER --set capture.calibration={file}{rail}"
-    ));
+    let how = match calibrated.cameras.len() {
+        // What cannot be rectified cannot be run.
+        _ if calibrated.notices.is_empty() => None,
+        1 => Some(" --set capture.mode=rail"),
+        3 => Some(""),
+        _ => Some(" --views all"),
+    };
+    line(match how {
+        _ if args.output == Path::new("-") => String::new(),
+        Some(how) => {
+            format!("\n{file}: tricurve run --source FOLDER --set capture.calibration={file}{how}")
+        }
+        None => format!("\n{file}: written, but not for tricurve run: see the warnings"),
+    });
     if let Some(picture) = &args.picture {
         line(format!(
             "{}: every corner and by how much it misses",
@@ -283,7 +381,8 @@ fn to_json(calibrated: &Calibrated, shots: &Shots, args: &Args) -> Value {
             "size": [found.size.width, found.size.height],
             "images_used": found.used[0],
             "images": found.used[1],
-            "corners": found.corners,
+            "corners_used": found.corners[0],
+            "corners": found.corners[1],
             "focal_px": sure(&found.focal),
             "centre_px": sure(&found.centre),
             "distortion": sure(&found.lens),
@@ -306,7 +405,7 @@ fn to_json(calibrated: &Calibrated, shots: &Shots, args: &Args) -> Value {
     let left_out =
         |out: &LeftOut| json!({ "camera": out.camera, "shot": out.shot, "why": out.why });
     json!({
-        "file": args.output,
+        "file": args.output.display().to_string(),
         "times": shots.shots.len(),
         "model": calibrated.model.name(),
         "rms_px": rms(calibrated),

@@ -142,6 +142,12 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
         ..Measured::default()
     };
     for row in rows_of(source) {
+        // As they are asked for with --views.
+        let numbers: Vec<u32> = source
+            .views(row[0].scan)
+            .into_iter()
+            .map(|place| place.number)
+            .collect();
         let mut images = Vec::with_capacity(row.len());
         for stand in &row {
             let mut image = Owned::<Image>::new(source.size_of(stand.scan));
@@ -165,7 +171,10 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
                 let between = match rail {
                     Some(Rail { stride: 1, .. }) => "frames".to_owned(),
                     Some(Rail { stride, .. }) => format!("{stride} frames"),
-                    None => format!("{} and {}", view.min(other), view.max(other)),
+                    None => {
+                        let [before, after] = [view.min(other), view.max(other)];
+                        format!("{} and {}", numbers[before], numbers[after])
+                    }
                 };
                 let pair = named(&mut measured.pairs, between);
                 let found = followed(&ready[view], &ready[other], &points);
@@ -181,7 +190,10 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
                     both[side] = Some(-columns / step);
                 }
             }
-            let around = rail.map_or(view.to_string(), |_| row[view].scan.to_string());
+            let around = match rail {
+                Some(_) => row[view].scan.to_string(),
+                None => numbers[view].to_string(),
+            };
             named(&mut measured.inner, around).extend(
                 both.into_iter()
                     .filter_map(|[left, right]| Some([left?, right?])),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use record::{Export, ExportError, Recording, export};
+use record::{Export, ExportError, Exported, Recording, export};
 
 use crate::cli::Export as Args;
 use crate::{Failure, Outcome};
@@ -43,8 +43,16 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         error => Failure::failed(error),
     })?;
-    for path in written.iter().filter(|path| *path != Path::new("-")) {
-        super::print(&format!("{}\n", path.display()))?;
+    for Exported { path, points } in &written {
+        if *points == Some(0) {
+            crate::say!(
+                "tricurve: {} holds no points: none was matched; `tricurve info` says how many each scan has",
+                path.display()
+            );
+        }
+        if path != Path::new("-") {
+            super::print(&format!("{}\n", path.display()))?;
+        }
     }
     Ok(Outcome::Done)
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use messages::bus::{Answer, Ask, Parameter, State, ask};
 use messages::change::shown;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::cli::{ParamArgs, ParamCommand};
 use crate::graph::parsed;
@@ -16,7 +16,7 @@ pub(crate) fn run(args: &ParamArgs) -> Result<Outcome, Failure> {
     let running = Running::choose(args.run.as_deref())?;
     match &args.command {
         ParamCommand::List => list(&state(&running)?.parameters, args.json)?,
-        ParamCommand::Get { name } => get(&state(&running)?.parameters, name, args.json)?,
+        ParamCommand::Get { name } => get(&running, &state(&running)?.parameters, name, args.json)?,
         ParamCommand::Set { values } => set(&running, values)?,
     }
     Ok(Outcome::Done)
@@ -66,8 +66,27 @@ fn beginning(text: &str) -> String {
     }
 }
 
-fn get(parameters: &[Parameter], name: &str, json: bool) -> Result<(), Failure> {
+/// A setting that holds for the whole run, by its name; where the source found it out, what it found.
+fn fixed(running: &Running, name: &str) -> Option<Value> {
+    let (node, key) = name.split_once('.')?;
+    let rail = running.orders.run.rig.rail;
+    match (name, rail) {
+        ("capture.stride", Some(rail)) => return Some(json!(rail.stride)),
+        ("capture.drift", Some(rail)) => return Some(json!(rail.drift_px)),
+        _ => {}
+    }
+    running.orders.configuration.get(node)?.get(key).cloned()
+}
+
+fn get(running: &Running, parameters: &[Parameter], name: &str, json: bool) -> Result<(), Failure> {
     let found = parameters.iter().find(|parameter| parameter.name == name);
+    if let (None, Some(value)) = (found, fixed(running, name)) {
+        if json {
+            return super::print_json(&json!({ "name": name, "value": value, "fixed": true }));
+        }
+        crate::say!("{name} holds for the whole run, and cannot be set while it goes on");
+        return super::print(&format!("{}\n", shown(&value)));
+    }
     let Some(parameter) = found else {
         let known = parameters.iter().map(|parameter| parameter.name.as_str());
         let near = messages::settings::nearest(name, known);

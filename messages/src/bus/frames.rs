@@ -70,6 +70,15 @@ impl FramesOut {
         })
     }
 
+    /// The names of the views that a run waits for, left to right; of a rail the one that moves.
+    ///
+    /// # Errors
+    /// A folder that is no run's.
+    pub fn views(run: &Path) -> Result<Vec<String>, BusError> {
+        let views = read(run)?.rig.views.into_iter();
+        Ok(views.map(|view| view.name).collect())
+    }
+
     /// The size of every frame.
     pub fn size(&self) -> Size {
         self.size

@@ -177,12 +177,12 @@ impl Rail {
         });
         if settings.stride.is_none() {
             notices.push(match stride {
-                1 => "frames that follow each other are matched; set stride".to_owned(),
-                _ => format!("frames {stride} apart are matched; set stride"),
+                1 => "frames that follow each other are matched; set capture.stride".to_owned(),
+                _ => format!("frames {stride} apart are matched; set capture.stride"),
             });
             if near.is_none() {
                 warnings.push(
-                    "how far things move from frame to frame could not be seen, so stride is a guess: set stride so that they move by at most an eighth of the width"
+                    "how far things move from frame to frame could not be seen, so stride is a guess: set capture.stride so that they move by at most an eighth of the width"
                         .to_owned(),
                 );
             }
@@ -194,14 +194,14 @@ impl Rail {
             ));
         } else if drift_px != 0.0 && settings.drift.is_none() {
             notices.push(format!(
-                "the picture drifts {drift_px:.2} rows a baseline, which is made good; set drift"
+                "the picture drifts {drift_px:.2} rows a baseline, which is made good; set capture.drift"
             ));
         }
         let disparities = near.or(far).map(|seen| seen.over(baseline as f32));
         warnings.extend(disparities.and_then(doubt));
         if is_guessed {
             notices.push(format!(
-                "where the frames were taken is not said: {}; set positions",
+                "where the frames were taken is not said: {}; set capture.positions",
                 said_of_steps(estimated.as_ref(), is_to_the_left)
             ));
         }

@@ -54,6 +54,8 @@ enum Kind {
 pub struct Place {
     /// Its file's name, or the position of a rendered scene.
     pub name: String,
+    /// Which of the source's views it is, counted from 0.
+    pub number: u32,
     /// Where its camera stands along the rail, in the source's own steps.
     pub position_steps: f64,
 }
@@ -339,14 +341,17 @@ impl Source {
                 .iter()
                 .map(|&position| Place {
                     name: format!("position {position}"),
+                    number: position,
                     position_steps: position.into(),
                 })
                 .collect(),
             Kind::Folders { albums, .. } => albums[scene]
                 .shots
                 .iter()
-                .map(|shot| Place {
+                .zip(&albums[scene].choice.views)
+                .map(|(shot, &number)| Place {
                     name: folder::name(&shot.path),
+                    number,
                     position_steps: shot.position,
                 })
                 .collect(),
@@ -354,10 +359,11 @@ impl Source {
             Kind::Cameras(known) => known
                 .views
                 .iter()
-                .enumerate()
-                .map(|(step, (_, camera))| Place {
+                .zip(0..)
+                .map(|((_, camera), number)| Place {
                     name: camera.clone(),
-                    position_steps: step as f64,
+                    number,
+                    position_steps: number.into(),
                 })
                 .collect(),
         }

@@ -75,11 +75,20 @@ pub struct Export {
     pub png: Option<PathBuf>,
 }
 
+/// A file that was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Exported {
+    /// Where.
+    pub path: PathBuf,
+    /// How many points it holds, where it is of points.
+    pub points: Option<usize>,
+}
+
 /// Exports, and gives the files written.
 ///
 /// # Errors
 /// When the recording cannot be read or a file not written; a file is there whole or not at all.
-pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<PathBuf>, ExportError> {
+pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<Exported>, ExportError> {
     let scans = match wanted.scan {
         // That it is not there shows when it is read.
         Some(scan) => vec![scan],
@@ -105,25 +114,30 @@ pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<PathBuf>
         not_onto_itself(recording, path)?;
     }
     let mut written = Vec::new();
+    let file = |path: &Path, points| Exported {
+        path: path.to_owned(),
+        points,
+    };
     if let Some(path) = &wanted.csv {
-        csv(recording, &scans, path)?;
-        written.push(path.clone());
+        let points = csv(recording, &scans, path)?;
+        written.push(file(path, Some(points)));
     }
     if let Some(path) = &wanted.pfm {
         pfm(recording, only("a PFM file", recording)?, path)?;
-        written.push(path.clone());
+        written.push(file(path, None));
     }
     if let Some(path) = &wanted.ply {
-        ply(recording, only("a PLY file", recording)?, path)?;
-        written.push(path.clone());
+        let points = ply(recording, only("a PLY file", recording)?, path)?;
+        written.push(file(path, Some(points)));
     }
     if let Some(path) = &wanted.map {
-        map_ply(recording, path)?;
-        written.push(path.clone());
+        let points = map_ply(recording, path)?;
+        written.push(file(path, Some(points)));
     }
     if let Some(folder) = &wanted.png {
         for scan in &scans {
-            written.extend(pictures::pictures(recording, *scan, folder)?);
+            let pictures = pictures::pictures(recording, *scan, folder)?;
+            written.extend(pictures.iter().map(|path| file(path, None)));
         }
     }
     Ok(written)
@@ -133,10 +147,11 @@ pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<PathBuf>
 pub const CSV_HEADER: &str = "scan,view,channel,curve,x,y,disparity,score,depth";
 
 /// Writes the points of these scans, a line each: x and y are pixels of the reference view, the channel is its σ².
-fn csv(recording: &mut Recording, scans: &[u64], path: &Path) -> Result<(), ExportError> {
+fn csv(recording: &mut Recording, scans: &[u64], path: &Path) -> Result<usize, ExportError> {
     let topic = topic(recording, Kind::Points);
     let rig = recording.metadata().rig.clone();
     let view = &rig.views[recording.codec().reference()].name;
+    let mut count = 0;
     whole(path, |file| {
         let mut out = BufWriter::new(file);
         let io = |source| ExportError::Io {
@@ -146,6 +161,7 @@ fn csv(recording: &mut Recording, scans: &[u64], path: &Path) -> Result<(), Expo
         writeln!(out, "{CSV_HEADER}").map_err(io)?;
         for &scan in scans {
             let points: Owned<Points> = recording.read(scan, &topic)?;
+            count += points.view().points.len();
             for p in points.view().points {
                 let channel = rig
                     .channels
@@ -161,7 +177,8 @@ fn csv(recording: &mut Recording, scans: &[u64], path: &Path) -> Result<(), Expo
             }
         }
         out.flush().map_err(io)
-    })
+    })?;
+    Ok(count)
 }
 
 /// Writes a disparity picture as Middlebury does: little endian, rows from the bottom, infinity where unknown.
@@ -188,7 +205,7 @@ fn pfm(recording: &mut Recording, scan: u64, path: &Path) -> Result<(), ExportEr
 }
 
 /// Writes the points in metres in the reference camera's optical frame, with the gray level of the reference view.
-fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<(), ExportError> {
+fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<usize, ExportError> {
     let points = topic(recording, Kind::Points);
     let reference = recording.codec().reference();
     let images = Topic::of(&recording.metadata().rig, Kind::Image);
@@ -241,11 +258,12 @@ fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<(), ExportEr
             path: path.to_owned(),
             source,
         })
-    })
+    })?;
+    Ok(count)
 }
 
 /// Writes the points of the map in metres in the frame of the rail, coloured by their disparity.
-fn map_ply(recording: &mut Recording, path: &Path) -> Result<(), ExportError> {
+fn map_ply(recording: &mut Recording, path: &Path) -> Result<usize, ExportError> {
     let points = whole_map(recording)?.ok_or(ExportError::NoMap)?;
     let calibrated = recording
         .metadata()
@@ -287,7 +305,8 @@ fn map_ply(recording: &mut Recording, path: &Path) -> Result<(), ExportError> {
             path: path.to_owned(),
             source,
         })
-    })
+    })?;
+    Ok(points.len())
 }
 
 /// The one topic of a kind that has one.

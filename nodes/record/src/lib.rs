@@ -33,7 +33,7 @@ pub use messages::recording::{Metadata, MetadataError, ReadError, Recording, Sca
 #[cfg(feature = "node")]
 pub use attach::{Attach, AttachError, Attached, Wish, attach};
 pub use batch::{Batch, encoder, taken_kinds};
-pub use export::{CSV_HEADER, Export, ExportError, export, whole};
+pub use export::{CSV_HEADER, Export, ExportError, Exported, export, whole};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
 pub use messages::record::{Encoder, Sink};
 pub use report::{Known, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report};

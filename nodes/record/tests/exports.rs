@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use messages::{Rig, Size};
-use record::{CSV_HEADER, Export, ExportError, Recording, Settings, Writer, export};
+use record::{CSV_HEADER, Export, ExportError, Exported, Recording, Settings, Writer, export};
 use synthetic::{Scan, metadata};
 
 const SIZE: Size = Size::new(64, 48);
@@ -47,9 +47,16 @@ fn csv_has_a_line_a_point_with_numbers_that_come_back_exactly() {
         csv: Some(path.clone()),
         ..Export::default()
     };
+    let written = export(&mut recording, &wanted).unwrap();
+    assert_eq!(written.len(), 1);
+    let points = (0..3).map(|sequence| Scan::new(&rig, sequence, 6).points().len());
+    let points = Some(points.sum::<usize>());
     assert_eq!(
-        export(&mut recording, &wanted).unwrap(),
-        std::slice::from_ref(&path)
+        written[0],
+        Exported {
+            path: path.clone(),
+            points
+        }
     );
     let text = fs::read_to_string(&path).unwrap();
     let mut lines = text.lines();
@@ -195,6 +202,7 @@ fn png_gives_the_four_pictures_of_every_view_and_channel_in_names_that_sort() {
         }
     }
     assert_eq!(names(&png), expected);
+    let written: Vec<PathBuf> = written.into_iter().map(|file| file.path).collect();
     assert_eq!(
         written,
         expected

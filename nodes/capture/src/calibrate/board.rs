@@ -7,7 +7,8 @@
 use std::collections::BTreeMap;
 
 use calib_targets_charuco::{
-    CharucoBoardSpec, CharucoDetector, CharucoParams, GrayImageView, resolve_dictionary,
+    CharucoBoardSpec, CharucoDetector, CharucoParams, ChessCorner, GrayImageView,
+    resolve_dictionary,
 };
 use calib_targets_chessboard::{
     ChessboardDetector, ChessboardParams, default_chess_config, detect_corners,
@@ -21,6 +22,8 @@ use super::solve::Pose;
 const MOST_CORNERS: u32 = 100;
 /// Corners of an image that tell where the board is.
 const LEAST_CORNERS: usize = 8;
+/// Of them, how many must lie beside the row or column that has most.
+const LEAST_BESIDE: usize = 3;
 /// Pixels beside a corner that are looked at, at most and at least; in between a part of the distance to the next corner.
 const WINDOW: [f64; 2] = [8.0, 2.0];
 const WINDOW_PART: f64 = 0.3;
@@ -52,12 +55,26 @@ pub(crate) type Corner = [u32; 2];
 pub struct Sighting {
     /// Column and row in the image, in pixels; the middle of the first pixel is at 0.
     pub(crate) corners: BTreeMap<Corner, DVec2>,
+    /// How many were found, those that are not sharp with them.
+    pub(crate) found: usize,
 }
 
 impl Sighting {
     /// How many corners are seen.
     pub fn count(&self) -> usize {
         self.corners.len()
+    }
+
+    /// Whether it has enough corners, in more than one row and column, to tell where the board is.
+    pub(crate) fn tells_a_place(&self) -> bool {
+        let most = |along: usize| {
+            let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
+            let places = self.corners.keys().map(|corner| corner[along]);
+            places.for_each(|place| *counts.entry(place).or_default() += 1);
+            counts.into_values().max().unwrap_or_default()
+        };
+        let beside = self.count() - most(0).max(most(1));
+        self.count() >= LEAST_CORNERS && beside >= LEAST_BESIDE
     }
 
     /// The corners: column and row on the board, column and row in the image.
@@ -189,6 +206,7 @@ impl Board {
             corners: corners
                 .map(|(&corner, &at)| (way(self.corners, corner), at))
                 .collect(),
+            found: sighting.found,
         }
     }
 
@@ -197,15 +215,13 @@ impl Board {
     /// # Errors
     /// Why there is none to be used, as a few words.
     pub fn find(&self, size: Size, pixels: &[u8]) -> Result<Sighting, String> {
-        let image = GrayImageView {
-            width: size.width as usize,
-            height: size.height as usize,
-            data: pixels,
-        };
-        let found = match &self.markers {
-            None => self.find_plain(&image)?,
-            Some(markers) => find_marked(markers, &image)?,
-        };
+        let found = self.look(size, pixels).or_else(|why| {
+            // Of squares that are large or blurred the detector sees more in less detail.
+            let (half, fewer) = halved(size, pixels);
+            let found = self.look(half, &fewer).map_err(|_| why)?;
+            let back = found.into_iter();
+            Ok::<_, String>(back.map(|(corner, at)| (corner, at * 2.0 + 0.5)).collect())
+        })?;
         let mut corners = BTreeMap::new();
         for (&corner, &at) in &found {
             let window = self.window(&found, corner, at);
@@ -213,45 +229,95 @@ impl Board {
                 corners.insert(corner, exact);
             }
         }
-        if corners.len() < LEAST_CORNERS {
-            return Err(format!(
-                "only {} of {} corners are sharp",
-                corners.len(),
-                self.corners[0] * self.corners[1]
-            ));
+        let (found, all) = (found.len(), self.corners[0] * self.corners[1]);
+        let sighting = Sighting { corners, found };
+        match sighting.tells_a_place() {
+            true => Ok(sighting),
+            false => Err(format!(
+                "only {} of {all} corners are sharp, or nearly all in one row",
+                sighting.count()
+            )),
         }
-        Ok(Sighting { corners })
     }
 
-    fn find_plain(&self, image: &GrayImageView<'_>) -> Result<BTreeMap<Corner, DVec2>, String> {
-        let seen = detect_corners(image, &default_chess_config());
-        let detector = ChessboardDetector::new(ChessboardParams::default())
-            .map_err(|error| format!("the detector does not start: {error}"))?;
-        let detection = detector.detect(&seen).ok_or("no board")?;
-        let span = |along: &dyn Fn(usize) -> i32| {
-            let all = 0..detection.corners.len();
-            let least = all.clone().map(along).min().unwrap_or_default();
-            let most = all.map(along).max().unwrap_or_default();
-            (least, most.abs_diff(least) + 1)
+    /// The corners that the detector finds and numbers, with its usual tolerances or others.
+    fn look(&self, size: Size, pixels: &[u8]) -> Result<BTreeMap<Corner, DVec2>, String> {
+        let image = GrayImageView {
+            width: size.width as usize,
+            height: size.height as usize,
+            data: pixels,
         };
-        let (left, across) = span(&|i| detection.corners[i].grid.u);
-        let (top, down) = span(&|i| detection.corners[i].grid.v);
-        let is_upright = [across, down] == self.corners;
-        if !is_upright && [down, across] != self.corners {
-            let [columns, rows] = self.corners;
+        let seen = detect_corners(&image, &default_chess_config());
+        let mut first = None;
+        let mut keep =
+            |tried: Result<_, String>| tried.map_err(|why| first.get_or_insert(why).clone()).ok();
+        let found = match &self.markers {
+            None => ChessboardParams::sweep_default()
+                .into_iter()
+                .find_map(|tolerances| keep(self.plain(tolerances, &seen))),
+            Some(markers) => CharucoParams::sweep_for_board(&markers.spec)
+                .into_iter()
+                .find_map(|tolerances| keep(marked(tolerances, &image, &seen))),
+        };
+        found.ok_or(first.unwrap_or_default())
+    }
+
+    fn plain(
+        &self,
+        tolerances: ChessboardParams,
+        seen: &[ChessCorner],
+    ) -> Result<BTreeMap<Corner, DVec2>, String> {
+        let detector = ChessboardDetector::new(tolerances)
+            .map_err(|error| format!("the detector does not start: {error}"))?;
+        let detection = detector.detect(seen).ok_or("no board")?;
+        let corners = detection.corners.into_iter();
+        let mut grid: BTreeMap<(i32, i32), DVec2> = corners
+            .map(|corner| {
+                let at = corner.position;
+                let at = DVec2::new(f64::from(at.x), f64::from(at.y));
+                ((corner.grid.u, corner.grid.v), at)
+            })
+            .collect();
+        if is_mirrored(&grid) {
+            grid = grid.into_iter().map(|((u, v), at)| ((-u, v), at)).collect();
+        }
+        let spans = |grid: &BTreeMap<(i32, i32), DVec2>| {
+            (span(grid, |place| place.0), span(grid, |place| place.1))
+        };
+        let (mut across, mut down) = spans(&grid);
+        let [columns, rows] = self.corners;
+        // Beyond the board's edge something may look like one more row, here and there.
+        loop {
+            let is_wide = across.1 >= down.1;
+            let (long, short) = (across.1.max(down.1), across.1.min(down.1));
+            let is_long = long > columns.max(rows);
+            if !is_long && short <= columns.min(rows) {
+                break;
+            }
+            let by_column = is_wide == is_long;
+            let spare = match by_column {
+                true => sparse_end(&grid, across, down.1, |place| place.0),
+                false => sparse_end(&grid, down, across.1, |place| place.1),
+            };
+            let Some(spare) = spare else { break };
+            grid.retain(|place, _| spare != if by_column { place.0 } else { place.1 });
+            (across, down) = spans(&grid);
+        }
+        let is_upright = [across.1, down.1] == self.corners;
+        if !is_upright && [down.1, across.1] != self.corners {
             return Err(format!(
-                "{across}x{down} corners are seen, and the board has {columns}x{rows}"
+                "{}x{} corners are seen, and the board has {columns}x{rows}",
+                across.1, down.1
             ));
         }
-        let numbered = detection.corners.iter().map(|corner| {
-            let (u, v) = (corner.grid.u.abs_diff(left), corner.grid.v.abs_diff(top));
-            let at = corner.position;
+        let numbered = grid.into_iter().map(|((u, v), at)| {
+            let (u, v) = (u.abs_diff(across.0), v.abs_diff(down.0));
             // Turned by a quarter, so that columns still go on to the right of rows.
             let corner = match is_upright {
                 true => [u, v],
-                false => [v, across - 1 - u],
+                false => [v, across.1 - 1 - u],
             };
-            (corner, DVec2::new(f64::from(at.x), f64::from(at.y)))
+            (corner, at)
         });
         Ok(numbered.collect())
     }
@@ -275,6 +341,16 @@ impl Board {
         (nearest * free.min(WINDOW_PART)).clamp(WINDOW[1], WINDOW[0])
     }
 
+    /// What to ask a user whose board is not found.
+    pub(crate) fn doubt(&self) -> &'static str {
+        match self.markers {
+            None => {
+                "is --board right, counted in inner corners, and is the whole board in the picture?"
+            }
+            Some(_) => "are --board, counted in squares, --marker and --dictionary right?",
+        }
+    }
+
     /// As the user may give it again.
     pub fn describe(&self) -> String {
         let [columns, rows] = self.corners;
@@ -291,14 +367,17 @@ impl Board {
     }
 }
 
-fn find_marked(
-    markers: &Markers,
+fn marked(
+    tolerances: CharucoParams,
     image: &GrayImageView<'_>,
+    seen: &[ChessCorner],
 ) -> Result<BTreeMap<Corner, DVec2>, String> {
-    let detector = CharucoDetector::new(CharucoParams::for_board(markers.spec))
+    let detector = CharucoDetector::new(tolerances)
         .map_err(|error| format!("the detector does not start: {error}"))?;
-    let detection = detector.detect(image).map_err(|error| error.to_string())?;
-    let across = markers.spec.cols.saturating_sub(1).max(1);
+    let detection = detector
+        .detect_with_corners(image, seen)
+        .map_err(|error| error.to_string())?;
+    let across = detector.params().board.cols.saturating_sub(1).max(1);
     let corners = detection.corners.iter().map(|corner| {
         let at = corner.position;
         (
@@ -307,6 +386,56 @@ fn find_marked(
         )
     });
     Ok(corners.collect())
+}
+
+/// Whether rows go on to the left of columns: no camera sees a board so, and some numberings have it.
+fn is_mirrored(grid: &BTreeMap<(i32, i32), DVec2>) -> bool {
+    let (mut along, mut down) = (DVec2::ZERO, DVec2::ZERO);
+    for (&(u, v), at) in grid {
+        if let Some(next) = grid.get(&(u + 1, v)) {
+            along += *next - *at;
+        }
+        if let Some(next) = grid.get(&(u, v + 1)) {
+            down += *next - *at;
+        }
+    }
+    along.perp_dot(down) < 0.0
+}
+
+/// The least of what places have along one side, and how many there are from there to the greatest.
+fn span(grid: &BTreeMap<(i32, i32), DVec2>, along: impl Fn(&(i32, i32)) -> i32) -> (i32, u32) {
+    let least = grid.keys().map(&along).min().unwrap_or_default();
+    let most = grid.keys().map(&along).max().unwrap_or_default();
+    (least, most.abs_diff(least).saturating_add(1))
+}
+
+/// The first or the last of so many rows, whichever holds less, if that is less than half of what a row has.
+fn sparse_end(
+    grid: &BTreeMap<(i32, i32), DVec2>,
+    (least, count): (i32, u32),
+    whole: u32,
+    along: impl Fn(&(i32, i32)) -> i32,
+) -> Option<i32> {
+    let ends = [least, least.saturating_add_unsigned(count - 1)];
+    let held = |end: &i32| grid.keys().filter(|place| along(place) == *end).count();
+    let spare = ends.into_iter().min_by_key(held)?;
+    (held(&spare) < whole as usize / 2).then_some(spare)
+}
+
+/// The picture at half the size, by means of four pixels.
+fn halved(size: Size, pixels: &[u8]) -> (Size, Vec<u8>) {
+    let half = Size::new(size.width / 2, size.height / 2);
+    let width = size.width as usize;
+    let mean = |column: usize, row: usize| {
+        let at = 2 * row * width + 2 * column;
+        let four = [at, at + 1, at + width, at + width + 1];
+        let sum: u32 = four.iter().map(|&at| u32::from(pixels[at])).sum();
+        ((sum + 2) / 4) as u8
+    };
+    let rows = 0..half.height as usize;
+    let pixels = rows.flat_map(|row| (0..half.width as usize).map(move |column| (column, row)));
+    let pixels = pixels.map(|(column, row)| mean(column, row)).collect();
+    (half, pixels)
 }
 
 /// Where exactly the corner near a place is; `None` where the image does not say, or says another place.
@@ -361,8 +490,8 @@ fn exactly(size: Size, pixels: &[u8], near: DVec2, window: f64) -> Option<DVec2>
             return None;
         }
         if by.length() < 1e-3 {
-            break;
+            return Some(corner);
         }
     }
-    Some(corner)
+    None
 }

@@ -6,7 +6,7 @@
 //!
 //! Each camera is worked out by itself first, by Zhang's method (*A flexible new technique for camera calibration*, 2000);
 //! then all together with where they stand, so that what all saw at one time has one place. Corners, and whole sightings,
-//! that do not fit are left out, and named.
+//! that do not fit are left out; sightings are named, corners counted.
 
 mod board;
 mod picture;
@@ -14,7 +14,7 @@ mod shots;
 mod solve;
 mod start;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -22,7 +22,7 @@ use glam::{DMat3, DVec2, DVec3};
 use messages::Size;
 
 pub use board::{Board, Sighting};
-pub use shots::{Shot, Shots};
+pub use shots::{Folders, Layout, Shot, Shots};
 
 use crate::calibration::{Camera, Geometry, Mount, Mounted};
 use crate::error::SourceError;
@@ -37,6 +37,10 @@ const ENOUGH_SIGHTINGS: usize = 10;
 const MISTAKEN: (f64, f64) = (6.0, 0.3);
 /// How many times farther off than most a sighting is that does not belong, and pixels within which it does.
 const STRANGE: (f64, f64) = (4.0, 0.6);
+/// The same before all are solved together: near boards show most how roughly cameras are known until then.
+const STRANGE_AT_FIRST: (f64, f64) = (8.0, 3.0);
+/// The part of a camera's images, or corners, that do not fit from which on that is told.
+const MANY_MISFITS: f64 = 0.05;
 /// The part of a sighting's corners that must fit.
 const LEAST_FITTING: f64 = 0.5;
 /// Parts of its width and height that a picture is divided into to see how much of it corners cover.
@@ -103,8 +107,8 @@ pub struct Found {
     pub size: Size,
     /// Images of the board that were used, of so many that it took.
     pub used: [usize; 2],
-    /// Corners that were used.
-    pub corners: usize,
+    /// Corners that were used, of so many that were found in those images.
+    pub corners: [usize; 2],
     /// Focal lengths along columns and rows, in pixels.
     pub focal: [Sure; 2],
     /// Column and row of the principal point, in pixels; the middle of the first pixel is at 0.
@@ -145,6 +149,8 @@ pub struct LeftOut {
     pub shot: String,
     /// Why.
     pub why: String,
+    /// Whether the board was found, but not where it ought to be.
+    pub is_misfit: bool,
 }
 
 /// What was found out.
@@ -196,6 +202,7 @@ pub fn calibrate(
     let mut fit = Fit::begin(board, model, observed);
     fit.check()?;
     let (intrinsics, places) = fit.alone()?;
+    fit.check()?;
     fit.together(intrinsics, places)?;
     // What does not fit drags the rest with it, so the worst is taken out first. It ends: every round takes something.
     loop {
@@ -205,6 +212,7 @@ pub fn calibrate(
             return fit.report();
         }
         fit.check()?;
+        fit.check_together()?;
     }
 }
 
@@ -221,6 +229,7 @@ impl<'a> Fit<'a> {
                         camera: camera.clone(),
                         shot: shot.name.clone(),
                         why: why.clone(),
+                        is_misfit: false,
                     }),
                     None => {}
                 }
@@ -242,19 +251,58 @@ impl<'a> Fit<'a> {
         }
     }
 
+    /// Whether every camera saw the board together with others often enough to say where it stands.
+    fn check_together(&self) -> Result<(), String> {
+        for (camera, name) in self.shots.cameras.iter().enumerate().skip(1) {
+            let both = |of: &&Vec<Option<Sighting>>| {
+                of[camera].is_some() && of.iter().flatten().count() > 1
+            };
+            let together = self.used.iter().filter(both).count();
+            if together < LEAST_SIGHTINGS {
+                return Err(self.misfit(name, together, self.taken(camera)));
+            }
+        }
+        Ok(())
+    }
+
+    fn misfit(&self, name: &str, fitting: usize, taken: usize) -> String {
+        format!(
+            "what {name} saw of the board fits what others saw in {fitting} of {taken} images only, and at least {LEAST_SIGHTINGS} are needed: images of one time must have one name or number, and cameras must not move against each other"
+        )
+    }
+
+    /// How many images a camera took.
+    fn taken(&self, camera: usize) -> usize {
+        let shots = self.shots.shots.iter();
+        shots.filter(|shot| shot.images[camera].is_some()).count()
+    }
+
     /// Whether every camera saw enough.
     fn check(&self) -> Result<(), String> {
         for (camera, name) in self.shots.cameras.iter().enumerate() {
             let sightings = self.used.iter().filter(|of| of[camera].is_some()).count();
             if sightings < LEAST_SIGHTINGS {
-                let taken = self.shots.shots.iter();
-                let taken = taken.filter(|shot| shot.images[camera].is_some()).count();
-                let first = self.left_out.iter().find(|out| out.camera == *name);
-                let why =
-                    first.map_or(String::new(), |out| format!(" ({}: {})", out.shot, out.why));
+                let taken = self.taken(camera);
+                if taken < LEAST_SIGHTINGS {
+                    return Err(format!(
+                        "{name} took {taken} images, and at least {LEAST_SIGHTINGS}, better {ENOUGH_SIGHTINGS} or more, are needed"
+                    ));
+                }
+                let out = self.left_out.iter().filter(|out| out.camera == *name);
+                if out.clone().filter(|out| out.is_misfit).count() >= LEAST_SIGHTINGS {
+                    return Err(self.misfit(name, sightings, taken));
+                }
+                // The reason that most have.
+                let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
+                out.for_each(|out| *reasons.entry(&out.why).or_default() += 1);
+                let usual = reasons.into_iter().max_by_key(|(_, count)| *count);
+                let usual = usual.map_or(String::new(), |(why, count)| {
+                    format!(" (in {count}: {why})")
+                });
                 return Err(format!(
-                    "the board of {} is to be used in {sightings} of {taken} images of {name}{why}, and at least {LEAST_SIGHTINGS}, better {ENOUGH_SIGHTINGS} or more, are needed: is --board right, and is the whole board in the picture?",
-                    self.board.describe()
+                    "the board of {} is to be used in {sightings} of {taken} images of {name}{usual}, and at least {LEAST_SIGHTINGS}, better {ENOUGH_SIGHTINGS} or more, are needed: {}",
+                    self.board.describe(),
+                    self.board.doubt()
                 ));
             }
         }
@@ -263,7 +311,7 @@ impl<'a> Fit<'a> {
 
     /// Each camera by itself: its numbers, and by shot where the board was in its frame.
     #[expect(clippy::type_complexity, reason = "two lists, one a camera")]
-    fn alone(&self) -> Result<(Vec<[f64; INTRINSIC]>, Vec<Vec<Option<Pose>>>), String> {
+    fn alone(&mut self) -> Result<(Vec<[f64; INTRINSIC]>, Vec<Vec<Option<Pose>>>), String> {
         let mut all = (Vec::new(), Vec::new());
         for (camera, name) in self.shots.cameras.iter().enumerate() {
             let size = self.shots.sizes[camera];
@@ -272,17 +320,28 @@ impl<'a> Fit<'a> {
                 .iter()
                 .filter_map(|of| of[camera].as_ref())
                 .collect();
-            let (numbers, places) =
-                start::alone(self.model, size, self.board, &own).ok_or_else(|| {
-                    format!(
-                        "no focal length explains what {name} saw of the board: is --model right?"
-                    )
-                })?;
+            let found = start::alone(self.model, size, self.board, &own, LEAST_SIGHTINGS);
+            let (numbers, places) = found.ok_or_else(|| {
+                format!("no focal length explains what {name} saw of the board: is --model right?")
+            })?;
             let mut places = places.into_iter();
             let by_shot = self.used.iter();
-            let by_shot = by_shot.map(|of| of[camera].as_ref().and_then(|_| places.next()));
+            let by_shot: Vec<Option<Pose>> = by_shot
+                .map(|of| of[camera].as_ref().and_then(|_| places.next().flatten()))
+                .collect();
+            let unexplained = (0..by_shot.len()).filter(|&shot| by_shot[shot].is_none());
+            let unexplained: Vec<usize> = unexplained
+                .filter(|&shot| self.used[shot][camera].is_some())
+                .collect();
+            for shot in unexplained {
+                self.leave_out(
+                    shot,
+                    camera,
+                    "no place of the board explains its corners".to_owned(),
+                );
+            }
             all.0.push(numbers);
-            all.1.push(by_shot.collect());
+            all.1.push(by_shot);
         }
         Ok(all)
     }
@@ -313,45 +372,60 @@ impl<'a> Fit<'a> {
                 }
             }
         }
-        let mounts = start::mounts(&places).map_err(|camera| {
+        let mounts = start::mounts(&places).map_err(|apart| {
+            let names = |is_apart: bool| {
+                let cameras = self.shots.cameras.iter().enumerate();
+                let these = cameras.filter(|(camera, _)| apart.contains(camera) == is_apart);
+                these.map(|(_, name)| name.as_str()).collect::<Vec<_>>().join(", ")
+            };
             format!(
-                "{} saw the board at no time when another camera did: where it stands is not known; hold the board where neighbours see it together, and give images of one time one name or number",
-                self.shots.cameras[camera]
+                "{} never saw the board together with {}: how they stand to each other is not known; hold the board where neighbours see it together, and give images of one time one name or number",
+                names(true),
+                names(false)
             )
         })?;
-        // By the camera that saw most of it.
-        for (shot, board) in self.estimate.boards.iter_mut().enumerate() {
-            let seen = self.used[shot].iter().enumerate();
-            let seen = seen.filter_map(|(camera, own)| Some((own.as_ref()?.count(), camera)));
-            if let Some((_, camera)) =
-                seen.max_by_key(|&(count, camera)| (count, usize::MAX - camera))
-                && let Some(place) = places[camera][shot]
-            {
-                *board = mounts[camera].inverse().after(place);
-            }
-        }
         self.estimate.intrinsics = intrinsics;
         self.estimate.mounts = mounts;
-        // Shots that were not taken at one time would pull the cameras apart.
-        while self.drop_strange() {}
-        self.check()
+        // By the camera whose word fits what all saw best.
+        for shot in 0..self.used.len() {
+            let seen: Vec<Seen> = self.seen_in(shot).collect();
+            let said = places.iter().zip(&self.estimate.mounts);
+            let said = said.filter_map(|(of, mount)| Some(mount.inverse().after(of[shot]?)));
+            let miss = |board: Pose| {
+                let mut estimate = self.estimate.clone();
+                estimate.boards[shot] = board;
+                (self.task(&seen).cost(&estimate), board)
+            };
+            let best = said.map(miss).min_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((_, board)) = best {
+                self.estimate.boards[shot] = board;
+            }
+        }
+        // Shots that were not taken at one time would pull the cameras apart. How these stand is only roughly known.
+        while self.drop_strange(STRANGE_AT_FIRST) {}
+        self.check()?;
+        self.check_together()
     }
 
     /// All corners in use.
     fn seen(&self) -> Vec<Seen> {
-        let mut seen = Vec::new();
-        for (shot, used) in self.used.iter().enumerate() {
-            for (camera, sighting) in used.iter().enumerate() {
-                let corners = sighting.iter().flat_map(|own| &own.corners);
-                seen.extend(corners.map(|(&corner, &at)| Seen {
-                    camera,
-                    shot,
-                    point: self.board.place(corner),
-                    at,
-                }));
-            }
-        }
-        seen
+        (0..self.used.len())
+            .flat_map(|shot| self.seen_in(shot))
+            .collect()
+    }
+
+    /// The corners in use of one shot.
+    fn seen_in(&self, shot: usize) -> impl Iterator<Item = Seen> {
+        let each = self.used[shot].iter().enumerate();
+        each.flat_map(move |(camera, sighting)| {
+            let corners = sighting.iter().flat_map(|own| &own.corners);
+            corners.map(move |(&corner, &at)| Seen {
+                camera,
+                shot,
+                point: self.board.place(corner),
+                at,
+            })
+        })
     }
 
     fn task<'b>(&'b self, seen: &'b [Seen]) -> Task<'b> {
@@ -364,7 +438,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Takes out a sighting that is much farther off than most, the worst; says whether there was one.
-    fn drop_strange(&mut self) -> bool {
+    fn drop_strange(&mut self, (times, px): (f64, f64)) -> bool {
         let seen = self.seen();
         let misses = self.task(&seen).misses(&self.estimate);
         let mut sums: Vec<Vec<(f64, usize)>> =
@@ -386,7 +460,7 @@ impl<'a> Fit<'a> {
         else {
             return false;
         };
-        let is_strange = worst > STRANGE.1 && worst > STRANGE.0 * usual;
+        let is_strange = worst > px && worst > times * usual;
         if is_strange {
             let others = self.used[shot].iter().flatten().count() > 1;
             let hint = match others {
@@ -408,12 +482,13 @@ impl<'a> Fit<'a> {
             camera: self.shots.cameras[camera].clone(),
             shot: self.shots.shots[shot].name.clone(),
             why,
+            is_misfit: true,
         });
     }
 
     /// Takes out what does not fit; says whether there was anything.
     fn drop_misfits(&mut self) -> bool {
-        if self.drop_strange() {
+        if self.drop_strange(STRANGE) {
             return true;
         }
         let seen = self.seen();
@@ -435,8 +510,14 @@ impl<'a> Fit<'a> {
                     .corners
                     .retain(|_, _| next.next().is_some_and(|far| far <= most));
                 has_any |= sighting.count() < before;
-                if (sighting.count() as f64) < LEAST_FITTING * before as f64 {
-                    poor.push((shot, camera, before - sighting.count(), before));
+                let is_most = sighting.count() as f64 >= LEAST_FITTING * sighting.found as f64;
+                if sighting.count() < before && !(is_most && sighting.tells_a_place()) {
+                    poor.push((
+                        shot,
+                        camera,
+                        sighting.found - sighting.count(),
+                        sighting.found,
+                    ));
                 }
             }
         }
@@ -454,7 +535,9 @@ impl<'a> Fit<'a> {
         let seen = self.seen();
         let estimate = &self.estimate;
         let task = self.task(&seen);
-        let sure = task.sure(estimate).ok_or_else(unclear)?;
+        let sure = task.sure(estimate).ok_or(
+            "what was seen does not determine the cameras: tilt the board by 30° and more to all sides, in 10 images or more",
+        )?;
         let misses = task.misses(estimate);
         let mut warnings = Vec::new();
         let mut cameras = Vec::new();
@@ -464,9 +547,8 @@ impl<'a> Fit<'a> {
             let own: Vec<[DVec2; 2]> = own
                 .filter_map(|(seen, miss)| Some([seen.at, (*miss)?]))
                 .collect();
-            let used = self.used.iter().filter(|of| of[camera].is_some()).count();
-            let taken = self.shots.shots.iter();
-            let taken = taken.filter(|shot| shot.images[camera].is_some()).count();
+            let sightings = self.used.iter().filter_map(|of| of[camera].as_ref());
+            let taken = self.taken(camera);
             let numbers = &estimate.intrinsics[camera];
             let of = |index: usize| Sure {
                 value: numbers[index],
@@ -477,8 +559,8 @@ impl<'a> Fit<'a> {
             let found = Found {
                 name: name.clone(),
                 size: self.shots.sizes[camera],
-                used: [used, taken],
-                corners: own.len(),
+                used: [sightings.clone().count(), taken],
+                corners: [own.len(), sightings.map(|own| own.found).sum()],
                 focal: [of(0), of(1)],
                 centre: [of(2), of(3)],
                 lens: [of(4), of(5), of(6), of(7)],
@@ -488,6 +570,13 @@ impl<'a> Fit<'a> {
                 misses: own,
             };
             found.check(&mut warnings)?;
+            let out = self.left_out.iter().filter(|out| out.camera == *name);
+            let misfits = out.filter(|out| out.is_misfit).count();
+            if misfits as f64 > MANY_MISFITS * taken as f64 {
+                warnings.push(format!(
+                    "{misfits} of {taken} images of {name} do not fit the others: did it move or change, or were images of one time taken at several?"
+                ));
+            }
             cameras.push(found);
         }
         let mut notices = Vec::new();
@@ -515,6 +604,10 @@ impl<'a> Fit<'a> {
     /// What the cameras are rectified to, where that can be.
     fn geometry(&self, notices: &mut Vec<String>, warnings: &mut Vec<String>) -> Option<Geometry> {
         let (sizes, estimate) = (&self.shots.sizes, &self.estimate);
+        if sizes.len() == 2 {
+            warnings.push("two cameras are no triple: at least three are matched".to_owned());
+            return None;
+        }
         if sizes.iter().any(|size| *size != sizes[0]) {
             warnings
                 .push("the cameras' images differ in size, and such are not matched".to_owned());
@@ -571,14 +664,14 @@ impl<'a> Fit<'a> {
             });
             let off = corners.filter_map(|[a, b]| Some((row(0, a)? - row(1, b)?).abs()));
             let off: Vec<f64> = off.collect();
-            [0.5, 0.95].map(|share| quantile(&off, share))
+            (!off.is_empty()).then(|| [0.5, 0.95].map(|share| quantile(&off, share)))
         });
         Beside {
             between: pair.map(|camera| self.shots.cameras[camera].clone()),
             apart_m: step.shift.length(),
             turned_degrees: (step.turn * DVec3::Z).angle_between(DVec3::Z).to_degrees(),
             together: both.len(),
-            rows_px: rows,
+            rows_px: rows.flatten(),
         }
     }
 }
@@ -623,6 +716,14 @@ impl Found {
                 unsure * 100.0
             ));
         }
+        let sides = [self.size.width, self.size.height].map(f64::from);
+        let is_far = |(centre, side): (&Sure, f64)| !(0.25..0.75).contains(&(centre.value / side));
+        if self.centre.iter().zip(sides).any(is_far) {
+            warnings.push(format!(
+                "the principal point of {name} lies at {:.0}, {:.0}, far from the middle: hold the board into all corners, and tilt it more",
+                self.centre[0].value, self.centre[1].value
+            ));
+        }
         if self.used[0] < ENOUGH_SIGHTINGS {
             warnings.push(format!(
                 "{name} saw the board in {} images only; {ENOUGH_SIGHTINGS} to 30 are usual",
@@ -634,6 +735,13 @@ impl Found {
             warnings.push(format!(
                 "corners cover {:.0} % of what {name} sees, and elsewhere its lens is guessed: hold the board into the corners too",
                 covered * 100.0
+            ));
+        }
+        let [kept, found] = self.corners;
+        if ((found - kept.min(found)) as f64) > MANY_MISFITS * found as f64 {
+            warnings.push(format!(
+                "of {found} corners that {name} saw {} are blurred or do not fit: is the board flat, did all stand still, were zoom and focus the same in all images?",
+                found - kept.min(found)
             ));
         }
         if self.rms_px > 1.0 {
@@ -725,5 +833,163 @@ impl Calibrated {
             }
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    const SIZE: Size = Size::new(640, 480);
+
+    /// Noise of a twentieth of a pixel, the same always.
+    fn noise(seed: &mut u64) -> f64 {
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            sum += (*seed >> 11) as f64 / (1_u64 << 53) as f64;
+        }
+        0.05 * sum
+    }
+
+    /// What three cameras 60 mm apart see of a board held at these distances, tilted to all sides.
+    fn observed(board: &Board, far_m: &[f64], seed: u64) -> (Shots, Vec<Vec<Option<Look>>>) {
+        let mut seed = seed;
+        let lens = [-0.2, 0.06, 0.0005, -0.0008];
+        let numbers = |c: f64| {
+            [
+                600.0 + c,
+                601.0 + c,
+                318.0 + c,
+                242.0 - c,
+                lens[0],
+                lens[1],
+                lens[2],
+                lens[3],
+            ]
+        };
+        let cameras = [0.0, 1.0, 2.0].map(|c| solve::camera(Model::Radtan, SIZE, &numbers(c)));
+        let part = |i: usize, way: f64| (i as f64 * way).rem_euclid(1.0) * 2.0 - 1.0;
+        let mut found = Vec::new();
+        for (i, far) in far_m.iter().enumerate() {
+            let turn = DQuat::from_rotation_y(0.6 * part(i, 0.4142))
+                * DQuat::from_rotation_x(0.6 * part(i, 0.2361));
+            let at = DVec3::new(
+                0.06 + 0.2 * far * part(i, 0.7549),
+                0.15 * far * part(i, 0.5698),
+                *far,
+            );
+            let mut shot = Vec::new();
+            for (view, camera) in cameras.iter().enumerate() {
+                let mut corners = BTreeMap::new();
+                for corner in (0..9).flat_map(|u| (0..6).map(move |v| [u, v])) {
+                    let middle = board.place([8, 5]) / 2.0;
+                    let point =
+                        turn * (board.place(corner) - middle) + at - DVec3::X * 0.06 * view as f64;
+                    if let Some(place) = camera.place(point) {
+                        corners.insert(
+                            corner,
+                            place + DVec2::new(noise(&mut seed), noise(&mut seed)),
+                        );
+                    }
+                }
+                let found = corners.len();
+                shot.push(Some(Ok(Sighting { corners, found })));
+            }
+            found.push(shot);
+        }
+        let shots = Shots {
+            cameras: ["left", "centre", "right"].map(str::to_owned).to_vec(),
+            shots: (0..far_m.len())
+                .map(|i| Shot {
+                    name: i.to_string(),
+                    images: vec![Some("x".into()); 3],
+                })
+                .collect(),
+            sizes: vec![SIZE; 3],
+            layout: Layout::FolderACamera,
+            is_by_order: false,
+            ignored: 0,
+        };
+        (shots, found)
+    }
+
+    fn board() -> Board {
+        Board::chessboard([9, 6], 0.027).unwrap_or_else(|why| unreachable!("{why}"))
+    }
+
+    fn calibrated(board: &Board, shots: &Shots, found: Vec<Vec<Option<Look>>>) -> Calibrated {
+        let observed = Observed { shots, found };
+        calibrate(board, Model::Radtan, &observed).unwrap_or_else(|why| unreachable!("{why}"))
+    }
+
+    #[test]
+    fn near_boards_are_kept_however_roughly_cameras_are_known_at_first() {
+        let board = board();
+        for seed in 1..7 {
+            let far: Vec<f64> = (0..24)
+                .map(|i| {
+                    if i % 6 == 0 {
+                        0.42
+                    } else {
+                        1.0 + 0.06 * f64::from(i)
+                    }
+                })
+                .collect();
+            let (shots, found) = observed(&board, &far, seed);
+            let calibrated = calibrated(&board, &shots, found);
+            assert_eq!(calibrated.left_out, [], "{seed}");
+            let steps: Vec<f64> = calibrated
+                .beside
+                .iter()
+                .map(|beside| beside.apart_m)
+                .collect();
+            assert!(
+                steps.iter().all(|step| (step - 0.06).abs() < 2e-4),
+                "{steps:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_sighting_that_no_board_explains_is_left_out_and_named_and_the_rest_is_used() {
+        let board = board();
+        let far: Vec<f64> = (0..16).map(|i| 0.5 + 0.03 * f64::from(i)).collect();
+        let (shots, mut found) = observed(&board, &far, 3);
+        // Corners numbered at random.
+        let Some(Ok(sighting)) = &mut found[4][1] else {
+            unreachable!("it is seen")
+        };
+        let places: Vec<DVec2> = sighting.corners.values().copied().collect();
+        for (index, place) in sighting.corners.values_mut().enumerate() {
+            *place = places[(index * 23 + 7) % places.len()];
+        }
+        let calibrated = calibrated(&board, &shots, found);
+        let named: Vec<(&str, &str)> = calibrated
+            .left_out
+            .iter()
+            .map(|out| (out.camera.as_str(), out.shot.as_str()))
+            .collect();
+        assert_eq!(named, [("centre", "4")], "{:?}", calibrated.left_out);
+        assert!((calibrated.cameras[1].focal[0].value - 601.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn standard_deviations_say_how_far_off_values_are() {
+        let board = board();
+        let far: Vec<f64> = (0..14).map(|i| 0.45 + 0.03 * f64::from(i)).collect();
+        let mut squares = Vec::new();
+        for seed in 1..13 {
+            let (shots, found) = observed(&board, &far, seed * 977);
+            let calibrated = calibrated(&board, &shots, found);
+            for (camera, truth) in calibrated.cameras.iter().zip([600.0, 601.0, 602.0]) {
+                let focal = camera.focal[0];
+                squares.push(((focal.value - truth) / focal.std).powi(2));
+            }
+        }
+        let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+        assert!((0.6..1.5).contains(&rms), "{rms}");
     }
 }

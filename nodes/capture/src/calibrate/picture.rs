@@ -76,7 +76,7 @@ fn panel(svg: &mut String, camera: &Found, left: f64, times: f64) {
     let mut line = |text: String| writeln!(svg, "{text}").unwrap_or_default();
     line(format!(
         "<text x=\"{left}\" y=\"18\" font-weight=\"bold\">{name}</text>\n<text x=\"{left}\" y=\"36\" fill=\"#333\">{} corners of {} images, rms {:.3} px, p95 {:.3} px</text>",
-        camera.corners, camera.used[0], camera.rms_px, camera.p95_px
+        camera.corners[0], camera.used[0], camera.rms_px, camera.p95_px
     ));
     line(format!(
         "<g transform=\"translate({left} {HEAD})\"><clipPath id=\"c{left}\"><rect width=\"{PANEL}\" height=\"{height}\"/></clipPath><g clip-path=\"url(#c{left})\"><rect width=\"{PANEL}\" height=\"{height}\" fill=\"#f7f7f4\"/>"

@@ -5,7 +5,7 @@ use messages::Size;
 
 use super::Model;
 use super::board::{Board, Sighting};
-use super::solve::{Estimate, INTRINSIC, Pose, Seen, Task, board_from};
+use super::solve::{Estimate, INTRINSIC, Pose, Seen, Task, board_from, camera};
 
 /// Focal lengths that are tried first, in widths of the image: from 120° to 15° of view.
 const FOCALS: [f64; 7] = [0.3, 0.45, 0.65, 0.95, 1.4, 2.2, 3.6];
@@ -21,52 +21,82 @@ const ROUNDS: [[bool; INTRINSIC]; 4] = {
     ]
 };
 
-/// One camera by itself: its numbers, and where the board was held in its frame, for each sighting.
+/// The part of the sightings that any focal length explains which the best must explain too.
+const EXPLAINED: f64 = 0.8;
+
+/// One camera by itself: its numbers, and where the board was held in its frame, for each sighting; `None` for one that
+/// nothing explains.
 ///
-/// `None` where no focal length explains what was seen.
+/// `None` where no focal length explains so many sightings.
 pub(crate) fn alone(
     model: Model,
     size: Size,
     board: &Board,
     sightings: &[&Sighting],
-) -> Option<([f64; INTRINSIC], Vec<Pose>)> {
-    let seen: Vec<Seen> = sightings
+    least: usize,
+) -> Option<([f64; INTRINSIC], Vec<Option<Pose>>)> {
+    let mut tried: Vec<(f64, Vec<bool>, Estimate)> = Vec::new();
+    for focal in FOCALS {
+        let (from, is_explained) =
+            guess(model, size, focal * f64::from(size.width), board, sightings);
+        if from.boards.len() < least {
+            continue;
+        }
+        let seen = seen(board, sightings, &is_explained);
+        let found = task(model, &size, &seen, 1).solve(task(model, &size, &seen, 0).solve(from));
+        let cost = task(model, &size, &seen, 1).cost(&found) / seen.len() as f64;
+        if cost.is_finite() {
+            tried.push((cost, is_explained, found));
+        }
+    }
+    let count = |explained: &[bool]| explained.iter().filter(|&&is| is).count() as f64;
+    let most = tried
         .iter()
-        .enumerate()
-        .flat_map(|(shot, sighting)| {
-            sighting.corners.iter().map(move |(&corner, &at)| Seen {
-                camera: 0,
-                shot,
-                point: board.place(corner),
-                at,
-            })
-        })
-        .collect();
-    let task = |round: usize| Task {
-        model,
-        sizes: std::slice::from_ref(&size),
-        seen: &seen,
-        free: ROUNDS[round],
-    };
-    let tried = FOCALS.iter().filter_map(|&focal| {
-        let from = guess(model, size, focal * f64::from(size.width), board, sightings)?;
-        let found = task(1).solve(task(0).solve(from));
-        let cost = task(1).cost(&found);
-        cost.is_finite().then_some((cost, found))
-    });
-    let (_, best) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let best = task(3).solve(task(2).solve(best));
-    Some((best.intrinsics[0], best.boards))
+        .map(|(_, explained, _)| count(explained))
+        .fold(0.0, f64::max);
+    tried.retain(|(_, explained, _)| count(explained) >= EXPLAINED * most);
+    let (_, is_explained, best) = tried.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let seen = seen(board, sightings, &is_explained);
+    let best = task(model, &size, &seen, 3).solve(task(model, &size, &seen, 2).solve(best));
+    let mut places = best.boards.into_iter();
+    let places = is_explained
+        .iter()
+        .map(|&is| if is { places.next() } else { None });
+    Some((best.intrinsics[0], places.collect()))
 }
 
-/// A camera of this focal length without a lens's faults, its axis through the middle of the image.
+fn task<'a>(model: Model, size: &'a Size, seen: &'a [Seen], round: usize) -> Task<'a> {
+    Task {
+        model,
+        sizes: std::slice::from_ref(size),
+        seen,
+        free: ROUNDS[round],
+    }
+}
+
+/// The corners of the sightings that count.
+fn seen(board: &Board, sightings: &[&Sighting], counts: &[bool]) -> Vec<Seen> {
+    let counting = sightings.iter().zip(counts).filter(|(_, counts)| **counts);
+    let each = counting.enumerate().flat_map(|(shot, (sighting, _))| {
+        sighting.corners.iter().map(move |(&corner, &at)| Seen {
+            camera: 0,
+            shot,
+            point: board.place(corner),
+            at,
+        })
+    });
+    each.collect()
+}
+
+/// A camera of this focal length without a lens's faults, its axis through the middle of the image; where the board was in
+/// those sightings that it explains, and which these are.
 fn guess(
     model: Model,
     size: Size,
     focal: f64,
     board: &Board,
     sightings: &[&Sighting],
-) -> Option<Estimate> {
+) -> (Estimate, Vec<bool>) {
     let middle = DVec2::new(f64::from(size.width), f64::from(size.height)) / 2.0 - 0.5;
     let direction = |at: DVec2| {
         let off = (at - middle) / focal;
@@ -80,29 +110,36 @@ fn guess(
             }
         }
     };
+    let numbers = [focal, focal, middle.x, middle.y, 0.0, 0.0, 0.0, 0.0];
+    let camera = camera(model, size, &numbers);
     let place = |sighting: &&Sighting| {
         let points = sighting.corners.iter();
         let points: Vec<(DVec3, DVec2)> = points
             .filter_map(|(&corner, &at)| Some((board.place(corner), direction(at)?)))
             .collect();
-        board_from(&points)
+        let place = board_from(&points)?;
+        let mut corners = sighting.corners.keys();
+        let is_seen = corners.all(|&corner| camera.place(place.of(board.place(corner))).is_some());
+        is_seen.then_some(place)
     };
-    let boards: Option<Vec<Pose>> = sightings.iter().map(place).collect();
-    Some(Estimate {
-        intrinsics: vec![[focal, focal, middle.x, middle.y, 0.0, 0.0, 0.0, 0.0]],
+    let boards: Vec<Option<Pose>> = sightings.iter().map(place).collect();
+    let is_explained = boards.iter().map(Option::is_some).collect();
+    let estimate = Estimate {
+        intrinsics: vec![numbers],
         mounts: vec![Pose::NONE],
-        boards: boards?,
-    })
+        boards: boards.into_iter().flatten().collect(),
+    };
+    (estimate, is_explained)
 }
 
 /// Where cameras stand in the frame of the first: along the strongest of what they saw together.
 ///
 /// # Errors
-/// The camera that saw the board together with no other.
-pub(crate) fn mounts(places: &[Vec<Option<Pose>>]) -> Result<Vec<Pose>, usize> {
+/// The cameras that saw the board together with none of those before them, and the first not with those.
+pub(crate) fn mounts(places: &[Vec<Option<Pose>>]) -> Result<Vec<Pose>, Vec<usize>> {
     let mut mounts = vec![None; places.len()];
     mounts[0] = Some(Pose::NONE);
-    while let Some(missing) = mounts.iter().position(Option::is_none) {
+    while mounts.iter().any(Option::is_none) {
         let together = |a: usize, b: usize| -> Vec<Pose> {
             let both = places[a].iter().zip(&places[b]);
             both.filter_map(|(a, b)| Some(b.as_ref()?.after(a.as_ref()?.inverse())))
@@ -115,7 +152,8 @@ pub(crate) fn mounts(places: &[Vec<Option<Pose>>]) -> Result<Vec<Pose>, usize> {
             .map(|(a, b)| (a, b, together(a, b)));
         let strongest = steps.max_by_key(|(a, b, steps)| (steps.len(), usize::MAX - a - b));
         let Some((a, b, steps)) = strongest.filter(|(_, _, steps)| !steps.is_empty()) else {
-            return Err(missing);
+            let missing = (0..mounts.len()).filter(|&camera| mounts[camera].is_none());
+            return Err(missing.collect());
         };
         mounts[b] = mounts[a].map(|mount| middle(&steps).after(mount));
     }

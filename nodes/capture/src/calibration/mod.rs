@@ -116,7 +116,7 @@ fn check(mounted: &[Mounted], views: usize, sizes: &[Size]) -> Result<(), Why> {
     let names: Vec<&str> = mounted.iter().map(|one| one.name.as_str()).collect();
     if mounted.len() != views {
         return Err(format!(
-            "it describes {} ({}), and there {}; it must describe one camera a view, left to right",
+            "it describes {} ({}), and there {}; it must describe one camera a view, left to right (capture.views, or --views, says which)",
             counted(mounted.len(), "camera"),
             names.join(", "),
             match views {
