@@ -249,6 +249,10 @@ fn what_cannot_be_set_is_refused_and_the_old_value_stays() {
     let graph = graph(&world);
     let score = || world.run(&["param", "get", "match.score"]).done().out;
     let before = score();
+    // What holds for the whole run can be looked at.
+    let channels = world.run(&["param", "get", "filter.channels"]).done();
+    assert!(channels.out.starts_with('['), "{channels:?}");
+    assert!(channels.err.contains("cannot be set while it goes on"));
     for (what, why) in [
         ("match.score=9", "must lie between 0 and 1, not 9"),
         (
