@@ -415,12 +415,12 @@ fn a_wrong_number_of_cameras_is_refused() {
     let two = whole.split("cam2:").next().unwrap();
     assert_eq!(
         bench.refusal(&[two.to_owned()]),
-        "it describes 2 cameras (cam0, cam1), and there are 3 views; it must describe one camera a view, left to right"
+        "it describes 2 cameras (cam0, cam1), and there are 3 views; it must describe one camera a view, left to right (capture.views, or --views, says which)"
     );
     let [one, ..] = &*bench.ros() else { panic!() };
     assert_eq!(
         bench.refusal(std::slice::from_ref(one)),
-        "it describes 1 camera (camera cam0), and there are 3 views; it must describe one camera a view, left to right"
+        "it describes 1 camera (camera cam0), and there are 3 views; it must describe one camera a view, left to right (capture.views, or --views, says which)"
     );
     assert_eq!(
         bench.refusal(&[whole.clone(), whole]),
