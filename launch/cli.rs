@@ -4,6 +4,7 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 
 use capture::Views;
+use capture::calibrate::{Folders, Model};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use messages::{Delivery, Reference, Stage};
 
@@ -198,6 +199,15 @@ pub(crate) enum LensModel {
     Equidistant,
 }
 
+impl From<LensModel> for Model {
+    fn from(model: LensModel) -> Self {
+        match model {
+            LensModel::Radtan => Self::Radtan,
+            LensModel::Equidistant => Self::Equidistant,
+        }
+    }
+}
+
 /// What each folder of images holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Hold {
@@ -205,6 +215,15 @@ pub(crate) enum Hold {
     Cameras,
     /// The images of one time, one of each camera
     Times,
+}
+
+impl From<Hold> for Folders {
+    fn from(hold: Hold) -> Self {
+        match hold {
+            Hold::Cameras => Self::Cameras,
+            Hold::Times => Self::Times,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

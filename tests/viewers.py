@@ -218,6 +218,16 @@ def scans_of(viewer, topic, count):
     return [message for _, message in viewer.decoded(topic)]
 
 
+def is_silent(viewer):
+    """Whether no points come for a second, once what was on its way is here."""
+    for _ in range(2):
+        viewer.messages.clear()
+        time.sleep(1)
+        while viewer.hear():
+            pass
+    return not [m for m in viewer.messages if m[0] == 'points']
+
+
 def live(folder):
     process = Process('run', '--view', '--set', 'bridge.port=0', '--scans', '100000', '--record', 'live.mcap',
                       '--profile', 'thesis', '--set', 'record.without=["edges", "curves", "tables"]', cwd=folder)
@@ -264,14 +274,7 @@ def live(folder):
 
     expect(viewer.call('tricurve/pause', 1) == {'text': 'paused'}, 'pause')
     expect(viewer.call('tricurve/pause', 10) == {'text': 'it was paused already'}, 'pause again')
-    time.sleep(1)
-    while viewer.hear():
-        pass
-    viewer.messages.clear()
-    time.sleep(1)
-    while viewer.hear():
-        pass
-    expect(not [m for m in viewer.messages if m[0] == 'points'], 'a paused graph sends points')
+    expect(is_silent(viewer), 'a paused graph sends points')
     refused = viewer.call('tricurve/snapshot', 2)
     expect('paused' in refused.get('message', ''), f'a snapshot of a paused graph: {refused}')
 
@@ -282,14 +285,7 @@ def live(folder):
         source = json.loads(listed.stdout)[0]
         return source['restarts'] == 1 and source['state'] == 'running'
     viewer.until(is_back, 'capture is there again')
-    time.sleep(1)
-    while viewer.hear():
-        pass
-    viewer.messages.clear()
-    time.sleep(1)
-    while viewer.hear():
-        pass
-    expect(not [m for m in viewer.messages if m[0] == 'points'], 'a paused graph sends points after a restart')
+    expect(is_silent(viewer), 'a paused graph sends points after a restart')
     expect(viewer.call('tricurve/pause', 11) == {'text': 'it was paused already'}, 'pause after a restart')
     expect('text' in viewer.call('tricurve/resume', 3), 'resume')
     scans_of(viewer, 'points', 2)

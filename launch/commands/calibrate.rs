@@ -7,13 +7,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use capture::SourceError;
 use capture::calibrate::{
-    Beside, Board, Calibrated, Folders, Found, Layout, LeftOut, Model, Observed, Shots, Sure,
-    calibrate, read,
+    Beside, Board, Calibrated, Folders, Found, Layout, LeftOut, Observed, Shots, Sure, calibrate,
+    read,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
-use crate::cli::{Calibrate as Args, Hold, LensModel};
+use crate::cli::Calibrate as Args;
 use crate::{Failure, Outcome};
 
 /// Pixels that corners miss by, from which on the other kind of lens is tried too.
@@ -28,12 +28,6 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             args.folder.display()
         )));
     }
-    let to_stdout = args.output == Path::new("-");
-    if to_stdout && args.json {
-        return Err(Failure::usage(
-            "the cameras and the JSON cannot both go to standard output: give --output a file",
-        ));
-    }
     let board = match (args.marker, &args.dictionary) {
         (Some(marker), Some(dictionary)) => {
             Board::charuco(args.board, args.square, marker, dictionary)
@@ -41,40 +35,77 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         _ => Board::chessboard(args.board, args.square),
     };
     let board = board.map_err(Failure::usage)?;
-    let wanted = std::iter::once(&args.output).chain(&args.picture);
+    check_outputs(args)?;
+    let shots = Shots::open(
+        &args.folder,
+        args.folders.map_or(Folders::Fewer, Folders::from),
+    )
+    .map_err(failure)?;
+    tell(&shots, &board, args);
+    let observed = observe(&board, &shots, args.json);
+    let mut calibrated = calibrate(&board, args.model.into(), &observed)
+        .map_err(|why| Failure::failed(format!("{}: {why}", args.folder.display())))?;
+    compare(&board, &observed, &mut calibrated);
+    let remarks = [
+        format!(
+            "tricurve {}: {} of {}",
+            env!("CARGO_PKG_VERSION"),
+            summary(&shots),
+            board.describe()
+        ),
+        format!("corners miss by {:.3} px (rms)", calibrated.rms_px()),
+    ];
+    let written = write(&args.output, &calibrated.to_kalibr(&remarks));
+    let picture = args.picture.as_ref();
+    let drawn = picture.map(|path| write(path, &calibrated.to_svg()));
+    match args.json {
+        true => super::print_json(&to_json(&calibrated, &shots, args))?,
+        // Nothing else where the file itself goes.
+        false if args.output == Path::new("-") => {
+            crate::say!("{}", text(&calibrated, args).trim_end())
+        }
+        false => super::print(&text(&calibrated, args))?,
+    }
+    // What was found out is told even where it could not be written.
+    written?;
+    drawn.transpose()?;
+    Ok(Outcome::Done)
+}
+
+/// Whether the files can be written, before anything is worked out.
+fn check_outputs(args: &Args) -> Result<(), Failure> {
+    if args.json && args.output == Path::new("-") {
+        return Err(Failure::usage(
+            "the cameras and the JSON cannot both go to standard output: give --output a file",
+        ));
+    }
     if args.picture.as_ref() == Some(&args.output) {
         return Err(Failure::usage(
             "--output and --picture name one file, and each needs its own",
         ));
     }
+    let wanted = std::iter::once(&args.output).chain(&args.picture);
     for path in wanted.filter(|path| *path != Path::new("-")) {
         let parent = path.parent().filter(|parent| *parent != Path::new(""));
-        if path.is_dir() || parent.is_some_and(|parent| !parent.is_dir()) {
-            return Err(Failure::usage(format!(
-                "{} cannot be written: {}",
-                path.display(),
-                if path.is_dir() {
-                    "it is a folder"
-                } else {
-                    "its folder is not there"
-                }
-            )));
-        }
-        if path.exists() && !args.force {
-            return Err(Failure::usage(format!(
-                "{} exists; give another name, or --force to replace it",
-                path.display()
-            )));
-        }
+        let why = match () {
+            () if path.is_dir() => "cannot be written: it is a folder",
+            () if parent.is_some_and(|parent| !parent.is_dir()) => {
+                "cannot be written: its folder is not there"
+            }
+            () if path.exists() && !args.force => {
+                "exists; give another name, or --force to replace it"
+            }
+            () => continue,
+        };
+        return Err(Failure::usage(format!("{} {why}", path.display())));
     }
-    let folders = match args.folders {
-        None => Folders::Fewer,
-        Some(Hold::Cameras) => Folders::Cameras,
-        Some(Hold::Times) => Folders::Times,
-    };
-    let shots = Shots::open(&args.folder, folders).map_err(failure)?;
+    Ok(())
+}
+
+/// Says how the images were understood.
+fn tell(shots: &Shots, board: &Board, args: &Args) {
     if !args.json {
-        crate::say!("{}; board: {}", summary(&shots), board.describe());
+        crate::say!("{}; board: {}", summary(shots), board.describe());
     }
     let are_folders = matches!(shots.layout, Layout::FolderACamera | Layout::FolderATime);
     if are_folders && args.folders.is_none() && shots.shots.len() < 2 * shots.cameras.len() {
@@ -94,36 +125,6 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             "tricurve: no two images have a number or name in common: they are put together by their order"
         );
     }
-    let observed = observe(&board, &shots, args.json);
-    let model = match args.model {
-        LensModel::Radtan => Model::Radtan,
-        LensModel::Equidistant => Model::Equidistant,
-    };
-    let mut calibrated = calibrate(&board, model, &observed)
-        .map_err(|why| Failure::failed(format!("{}: {why}", args.folder.display())))?;
-    compare(&board, &observed, &mut calibrated);
-    let remarks = [
-        format!(
-            "tricurve {}: {} of {}",
-            env!("CARGO_PKG_VERSION"),
-            summary(&shots),
-            board.describe()
-        ),
-        format!("corners miss by {:.3} px (rms)", rms(&calibrated)),
-    ];
-    let written = write(&args.output, &calibrated.to_kalibr(&remarks));
-    let picture = args.picture.as_ref();
-    let drawn = picture.map(|path| write(path, &calibrated.to_svg()));
-    match args.json {
-        true => super::print_json(&to_json(&calibrated, &shots, args))?,
-        // Nothing else where the file itself goes.
-        false if to_stdout => crate::say!("{}", text(&calibrated, args).trim_end()),
-        false => super::print(&text(&calibrated, args))?,
-    }
-    // What was found out is told even where it could not be written.
-    written?;
-    drawn.transpose()?;
-    Ok(Outcome::Done)
 }
 
 fn failure(error: SourceError) -> Failure {
@@ -238,7 +239,7 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Observed<'a> 
 
 /// Says whether the other kind of lens explains what was seen better.
 fn compare(board: &Board, observed: &Observed<'_>, calibrated: &mut Calibrated) {
-    let own = rms(calibrated);
+    let own = calibrated.rms_px();
     if own < DOUBTFUL_PX {
         return;
     }
@@ -247,34 +248,13 @@ fn compare(board: &Board, observed: &Observed<'_>, calibrated: &mut Calibrated) 
         return;
     };
     // Not by leaving out what it does not explain.
-    let used = |calibrated: &Calibrated| {
-        calibrated
-            .cameras
-            .iter()
-            .map(|c| c.corners[0])
-            .sum::<usize>()
-    };
-    if rms(&tried) < BETTER * own && used(&tried) >= used(calibrated) {
+    if tried.rms_px() < BETTER * own && tried.corners() >= calibrated.corners() {
         calibrated.warnings.push(format!(
             "with --model {} corners would miss by {:.2} px instead of {own:.2}",
             other.name(),
-            rms(&tried)
+            tried.rms_px()
         ));
     }
-}
-
-/// Pixels that the corners of all cameras miss by, root mean square.
-fn rms(calibrated: &Calibrated) -> f64 {
-    let each = calibrated.cameras.iter();
-    let squares: f64 = each
-        .map(|camera| camera.rms_px.powi(2) * camera.corners[0] as f64)
-        .sum();
-    let corners: usize = calibrated
-        .cameras
-        .iter()
-        .map(|camera| camera.corners[0])
-        .sum();
-    (squares / corners.max(1) as f64).sqrt()
 }
 
 fn text(calibrated: &Calibrated, args: &Args) -> String {
@@ -408,7 +388,7 @@ fn to_json(calibrated: &Calibrated, shots: &Shots, args: &Args) -> Value {
         "file": args.output.display().to_string(),
         "times": shots.shots.len(),
         "model": calibrated.model.name(),
-        "rms_px": rms(calibrated),
+        "rms_px": calibrated.rms_px(),
         "cameras": calibrated.cameras.iter().map(camera).collect::<Vec<_>>(),
         "beside": calibrated.beside.iter().map(beside).collect::<Vec<_>>(),
         "left_out": calibrated.left_out.iter().map(left_out).collect::<Vec<_>>(),

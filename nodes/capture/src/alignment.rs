@@ -484,7 +484,7 @@ fn line(disparities: &[[f64; 2]], with_shift: bool) -> Option<(f64, f64)> {
 }
 
 /// The value below which this part of the values lies; 0 of none.
-fn quantile(values: &[f64], part: f64) -> f64 {
+pub(crate) fn quantile(values: &[f64], part: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let at = (part * sorted.len().saturating_sub(1) as f64).round() as usize;

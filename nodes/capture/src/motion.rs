@@ -183,24 +183,14 @@ pub(crate) fn quantile(mut values: Vec<f32>, share: f64) -> Option<f32> {
     values.get((share * last as f64).round() as usize).copied()
 }
 
-/// A gray level of a smooth texture for tests, in which no block is found twice.
 #[cfg(test)]
-pub(crate) fn wave(x: f64, y: f64) -> u8 {
-    let waves = [
-        (0.31, 0.12, 0.4),
-        (0.07, 0.43, 1.9),
-        (0.53, -0.29, 0.7),
-        (0.19, 0.22, 2.6),
-        (-0.41, 0.37, 3.1),
-        (0.23, -0.61, 5.0),
-    ];
-    let value = waves.iter().map(|(a, b, c)| (a * x + b * y + c).sin());
-    (127.0 + 20.0 * value.sum::<f64>()).clamp(0.0, 255.0) as u8
-}
+#[path = "../tests/texture/mod.rs"]
+pub(crate) mod texture;
 
 #[cfg(test)]
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
+    use super::texture::wave;
     use super::*;
 
     const SIZE: Size = Size::new(240, 160);

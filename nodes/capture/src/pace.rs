@@ -228,7 +228,7 @@ fn in_usual_steps(places: &[f64], speed: f64) -> Option<Estimated> {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use crate::motion::wave;
+    use crate::motion::texture::wave;
 
     const SIZE: Size = Size::new(320, 200);
 

@@ -1,6 +1,8 @@
 //! Folders of a rail's frames: what their images and their positions say of how the camera moved.
 #![expect(clippy::unwrap_used, reason = "tests")]
 
+mod texture;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
@@ -8,26 +10,10 @@ use std::path::PathBuf;
 use capture::{Mode, Settings, Source, Views};
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma};
 use tempfile::TempDir;
+use texture::wave;
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 200;
-
-/// A smooth texture in which no block is found twice.
-fn wave(x: f64, y: f64) -> f64 {
-    let waves = [
-        (0.31, 0.12, 0.4),
-        (0.07, 0.43, 1.9),
-        (0.53, -0.29, 0.7),
-        (0.19, 0.22, 2.6),
-        (-0.41, 0.37, 3.1),
-        (0.23, -0.61, 5.0),
-    ];
-    let value: f64 = waves
-        .iter()
-        .map(|(a, b, c)| (a * x + b * y + c).sin())
-        .sum();
-    (127.0 + 20.0 * value).clamp(0.0, 255.0)
-}
 
 /// Pixels by which a row moves to the left for a step to the right: the ground is nearer further down.
 fn disparity(row: f64) -> f64 {
@@ -38,7 +24,7 @@ fn disparity(row: f64) -> f64 {
 fn seen(place: f64, lower: f64) -> GrayImage {
     GrayImage::from_fn(WIDTH, HEIGHT, |x, y| {
         let row = f64::from(y) - lower;
-        Luma([wave(f64::from(x) + place * disparity(row), row) as u8])
+        Luma([wave(f64::from(x) + place * disparity(row), row)])
     })
 }
 

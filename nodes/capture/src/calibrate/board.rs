@@ -83,13 +83,6 @@ impl Sighting {
             .iter()
             .map(|(&corner, at)| (corner, at.to_array()))
     }
-
-    /// Moves a corner to where it is said to be by other means, in columns and rows.
-    pub fn shift(&mut self, corner: [u32; 2], by: [f64; 2]) {
-        if let Some(at) = self.corners.get_mut(&corner) {
-            *at += DVec2::from(by);
-        }
-    }
 }
 
 impl Board {

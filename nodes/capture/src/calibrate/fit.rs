@@ -8,10 +8,11 @@ use glam::{DMat3, DVec2, DVec3};
 use super::board::{Board, Sighting};
 use super::shots::Shots;
 use super::solve::{self, Estimate, INTRINSIC, Pose, Seen, Task};
-use super::start;
+use super::start::{self, Alone};
 use super::{
     Beside, Calibrated, ENOUGH_SIGHTINGS, Found, LeftOut, MANY_MISFITS, Model, Observed, Sure,
 };
+use crate::alignment::quantile;
 use crate::calibration::{Camera, Geometry, Mount, Mounted};
 
 /// Sightings of a camera that can tell anything.
@@ -47,9 +48,9 @@ pub fn calibrate(
 ) -> Result<Calibrated, String> {
     let mut fit = Fit::begin(board, model, observed);
     fit.check()?;
-    let (intrinsics, places) = fit.alone()?;
+    let alone = fit.alone()?;
     fit.check()?;
-    fit.together(intrinsics, places)?;
+    fit.together(alone)?;
     // What does not fit drags the rest with it, so the worst is taken out first. It ends: every round takes something.
     loop {
         let task = fit.seen();
@@ -155,49 +156,41 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
-    /// Each camera by itself: its numbers, and by shot where the board was in its frame.
-    #[expect(clippy::type_complexity, reason = "two lists, one a camera")]
-    fn alone(&mut self) -> Result<(Vec<[f64; INTRINSIC]>, Vec<Vec<Option<Pose>>>), String> {
-        let mut all = (Vec::new(), Vec::new());
+    /// Each camera by itself, its places by shot.
+    fn alone(&mut self) -> Result<Vec<Alone>, String> {
+        let mut all = Vec::new();
         for (camera, name) in self.shots.cameras.iter().enumerate() {
             let size = self.shots.sizes[camera];
-            let own: Vec<&Sighting> = self
-                .used
+            let is_used = |shot: &usize| self.used[*shot][camera].is_some();
+            let shots: Vec<usize> = (0..self.used.len()).filter(is_used).collect();
+            let own: Vec<&Sighting> = shots
                 .iter()
-                .filter_map(|of| of[camera].as_ref())
+                .filter_map(|&shot| self.used[shot][camera].as_ref())
                 .collect();
             let found = start::alone(self.model, size, self.board, &own, LEAST_SIGHTINGS);
-            let (numbers, places) = found.ok_or_else(|| {
+            let Alone { numbers, places } = found.ok_or_else(|| {
                 format!("no focal length explains what {name} saw of the board: is --model right?")
             })?;
-            let mut places = places.into_iter();
-            let by_shot = self.used.iter();
-            let by_shot: Vec<Option<Pose>> = by_shot
-                .map(|of| of[camera].as_ref().and_then(|_| places.next().flatten()))
-                .collect();
-            let unexplained = (0..by_shot.len()).filter(|&shot| by_shot[shot].is_none());
-            let unexplained: Vec<usize> = unexplained
-                .filter(|&shot| self.used[shot][camera].is_some())
-                .collect();
-            for shot in unexplained {
-                self.leave_out(
-                    shot,
-                    camera,
-                    "no place of the board explains its corners".to_owned(),
-                );
+            let mut by_shot = vec![None; self.used.len()];
+            for (shot, place) in shots.into_iter().zip(places) {
+                by_shot[shot] = place;
+                if place.is_none() {
+                    let why = "no place of the board explains its corners";
+                    self.leave_out(shot, camera, why.to_owned());
+                }
             }
-            all.0.push(numbers);
-            all.1.push(by_shot);
+            all.push(Alone {
+                numbers,
+                places: by_shot,
+            });
         }
         Ok(all)
     }
 
     /// Which way up each camera saw the board, where they stand, and where the board was.
-    fn together(
-        &mut self,
-        intrinsics: Vec<[f64; INTRINSIC]>,
-        mut places: Vec<Vec<Option<Pose>>>,
-    ) -> Result<(), String> {
+    fn together(&mut self, alone: Vec<Alone>) -> Result<(), String> {
+        let cameras = alone.into_iter().map(|one| (one.numbers, one.places));
+        let (intrinsics, mut places): (Vec<_>, Vec<_>) = cameras.unzip();
         let ways = self.board.ways();
         for (shot, used) in self.used.iter_mut().enumerate() {
             let Some(first) = places.iter().find_map(|of| of[shot]) else {
@@ -543,15 +536,4 @@ fn direction(camera: &Camera, at: DVec2) -> Option<DVec3> {
         }
     }
     None
-}
-
-/// The value that this share of all is below; 0 of none.
-fn quantile(values: &[f64], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().saturating_sub(1);
-    sorted
-        .get((share * last as f64).round() as usize)
-        .copied()
-        .unwrap_or_default()
 }

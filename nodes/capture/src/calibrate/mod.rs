@@ -254,6 +254,18 @@ fn unclear() -> String {
 }
 
 impl Calibrated {
+    /// Corners of all cameras that were used.
+    pub fn corners(&self) -> usize {
+        self.cameras.iter().map(|camera| camera.corners[0]).sum()
+    }
+
+    /// Pixels that the corners of all cameras miss by, root mean square.
+    pub fn rms_px(&self) -> f64 {
+        let square = |camera: &Found| camera.rms_px.powi(2) * camera.corners[0] as f64;
+        let squares: f64 = self.cameras.iter().map(square).sum();
+        (squares / self.corners().max(1) as f64).sqrt()
+    }
+
     /// The cameras as Kalibr's camchain, which `capture.calibration` reads; `remarks` stand above them.
     pub fn to_kalibr(&self, remarks: &[String]) -> String {
         let mut text = String::new();
@@ -436,6 +448,28 @@ mod tests {
             .collect();
         assert_eq!(named, [("centre", "4")], "{:?}", calibrated.left_out);
         assert!((calibrated.cameras[1].focal[0].value - 601.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn corners_that_are_not_where_they_belong_are_left_out_and_counted() {
+        let board = board();
+        let far: Vec<f64> = (0..16).map(|i| 0.5 + 0.03 * f64::from(i)).collect();
+        let (shots, mut found) = observed(&board, &far, 5);
+        for shot in found.iter_mut().take(5) {
+            let Some(Ok(sighting)) = &mut shot[1] else {
+                unreachable!("it is seen")
+            };
+            if let Some(place) = sighting.corners.get_mut(&[3, 2]) {
+                *place += DVec2::new(0.9, -0.7);
+            }
+        }
+        let calibrated = calibrated(&board, &shots, found);
+        let [left, centre, _] = &*calibrated.cameras else {
+            unreachable!("there are three")
+        };
+        let all = 16 * 9 * 6;
+        assert_eq!((left.corners, centre.corners), ([all, all], [all - 5, all]));
+        assert_eq!(calibrated.left_out, []);
     }
 
     #[test]

@@ -24,17 +24,21 @@ const ROUNDS: [[bool; INTRINSIC]; 4] = {
 /// The part of the sightings that any focal length explains which the best must explain too.
 const EXPLAINED: f64 = 0.8;
 
-/// One camera by itself: its numbers, and where the board was held in its frame, for each sighting; `None` for one that
-/// nothing explains.
-///
-/// `None` where no focal length explains so many sightings.
+/// What one camera by itself saw.
+pub(crate) struct Alone {
+    pub(crate) numbers: [f64; INTRINSIC],
+    /// Where the board was held in its frame, for each sighting; `None` for one that nothing explains.
+    pub(crate) places: Vec<Option<Pose>>,
+}
+
+/// Works out one camera by itself; `None` where no focal length explains so many sightings.
 pub(crate) fn alone(
     model: Model,
     size: Size,
     board: &Board,
     sightings: &[&Sighting],
     least: usize,
-) -> Option<([f64; INTRINSIC], Vec<Option<Pose>>)> {
+) -> Option<Alone> {
     let mut tried: Vec<(f64, Vec<bool>, Estimate)> = Vec::new();
     for focal in FOCALS {
         let (from, is_explained) =
@@ -62,7 +66,10 @@ pub(crate) fn alone(
     let places = is_explained
         .iter()
         .map(|&is| if is { places.next() } else { None });
-    Some((best.intrinsics[0], places.collect()))
+    Some(Alone {
+        numbers: best.intrinsics[0],
+        places: places.collect(),
+    })
 }
 
 fn task<'a>(model: Model, size: &'a Size, seen: &'a [Seen], round: usize) -> Task<'a> {
