@@ -1,23 +1,35 @@
 //! How a picture moves from one frame to another: blocks of texture, found again.
 //!
 //! Blocks with texture in both directions are looked for in the other picture, along the row and a few rows up and down,
-//! by the least sum of absolute differences; the sub-pixel part is what gradients explain of the difference that is
-//! left. Blocks whose best place is hardly better than another one say nothing.
+//! by normalised correlation, and then placed between pixels by least squares (Lucas and Kanade 1981, in the inverse form of
+//! Baker and Matthews 2004). Neither cares for gain and offset of the gray levels: exposure may flicker. Blocks whose best
+//! place is hardly better than another one say nothing.
+
+use std::ops::RangeInclusive;
 
 use messages::Size;
 
 /// Pixels a block measures.
 const BLOCK: usize = 20;
+/// Pixels of a block.
+const AREA: usize = BLOCK * BLOCK;
 /// Pixels from one block to the next, where all of a picture is looked at.
 pub(crate) const SPACING: usize = 28;
 /// Rows up and down in which a block is looked for.
 const ROWS: i32 = 4;
 /// Least mean gradient of a block along and across, in gray levels a pixel.
 const TEXTURE: f32 = 2.0;
-/// How much better than the best elsewhere the best place must be.
-const UNIQUE: f32 = 0.75;
-/// Mean absolute difference in gray levels over which nothing was found.
-const ALIKE: f32 = 14.0;
+/// What the best place may leave unexplained of what the best elsewhere does.
+const UNIQUE: f32 = 0.6;
+/// What the best place may leave unexplained: one less the correlation.
+const ALIKE: f32 = 0.2;
+/// Steps by which a block is placed between pixels, at most, and pixels below which one was the last.
+const STEPS: usize = 8;
+const PLACED: f32 = 0.01;
+/// Pixels from the best whole place to the place between, at most.
+const NEAR: f32 = 1.5;
+/// Correlations below this are of nothing: of a block without contrast.
+const LEAST_VARIANCE: f32 = 0.25;
 
 /// A picture: 8-bit gray, row by row.
 #[derive(Clone, Copy, Debug)]
@@ -27,71 +39,260 @@ pub(crate) struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    fn at(&self, x: usize, y: usize) -> u8 {
-        self.pixels[y * self.size.width as usize + x]
+    fn row(&self, x: usize, y: usize, count: usize) -> &[u8] {
+        &self.pixels[y * self.size.width as usize + x..][..count]
     }
 
     /// Mean absolute differences of neighbours in a block, along the row and along the column.
     fn texture(&self, x: usize, y: usize) -> [f32; 2] {
         let mut sums = [0u32; 2];
         for row in y..y + BLOCK {
-            for column in x..x + BLOCK {
-                let own = self.at(column, row);
-                sums[0] += u32::from(own.abs_diff(self.at(column + 1, row)));
-                sums[1] += u32::from(own.abs_diff(self.at(column, row + 1)));
-            }
+            let own = self.row(x, row, BLOCK);
+            let pairs = |other| own.iter().zip(other);
+            let sum = |other| -> u32 {
+                pairs(other)
+                    .map(|(a, b): (&u8, &u8)| u32::from(a.abs_diff(*b)))
+                    .sum()
+            };
+            sums[0] += sum(self.row(x + 1, row, BLOCK));
+            sums[1] += sum(self.row(x, row + 1, BLOCK));
         }
-        sums.map(|sum| sum as f32 / (BLOCK * BLOCK) as f32)
-    }
-
-    /// Mean absolute difference of a block here to one there.
-    fn difference(&self, x: usize, y: usize, other: &Picture<'_>, to_x: usize, to_y: usize) -> f32 {
-        let width = self.size.width as usize;
-        let mut sum = 0u32;
-        for row in 0..BLOCK {
-            let own = &self.pixels[(y + row) * width + x..][..BLOCK];
-            let their = &other.pixels[(to_y + row) * width + to_x..][..BLOCK];
-            let of_row = own.iter().zip(their);
-            sum += of_row.map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>();
-        }
-        sum as f32 / (BLOCK * BLOCK) as f32
+        sums.map(|sum| sum as f32 / AREA as f32)
     }
 }
 
-impl Picture<'_> {
-    /// How much further than to a whole place in another picture a block went, in columns and rows: what the mean of both
-    /// pictures' gradients explains of their difference, by least squares (Lucas and Kanade 1981, one step).
-    fn rest(&self, x: usize, y: usize, other: &Picture<'_>, to_x: usize, to_y: usize) -> [f32; 2] {
-        let gradient = |picture: &Picture<'_>, x: usize, y: usize| {
-            let at = |x, y| f32::from(picture.at(x, y));
-            [
-                (at(x + 1, y) - at(x - 1, y)) / 2.0,
-                (at(x, y + 1) - at(x, y - 1)) / 2.0,
-            ]
-        };
-        let (mut xx, mut xy, mut yy, mut xe, mut ye) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for row in 0..BLOCK {
-            for column in 0..BLOCK {
-                let (own, their) = ((x + column, y + row), (to_x + column, to_y + row));
-                let [gx, gy] = gradient(self, own.0, own.1);
-                let [hx, hy] = gradient(other, their.0, their.1);
-                let (gx, gy) = ((gx + hx) / 2.0, (gy + hy) / 2.0);
-                let error =
-                    f32::from(other.at(their.0, their.1)) - f32::from(self.at(own.0, own.1));
-                xx += gx * gx;
-                xy += gx * gy;
-                yy += gy * gy;
-                xe += gx * error;
-                ye += gy * error;
+/// A block of a picture, made ready to be found in others.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    /// Column and row of its corner.
+    pub(crate) at: (usize, usize),
+    /// Its gray levels.
+    gray: Vec<i16>,
+    /// The same without their mean.
+    contrast: Vec<f32>,
+    /// What a gray level found there says of how far the place is off, in columns and in rows: the pseudo-inverse of the
+    /// gradients, rid of all that gain and offset explain.
+    off: [Vec<f32>; 2],
+    mean: f32,
+    /// Sum of the squares of `contrast`.
+    squares: f32,
+}
+
+impl Block {
+    /// The block with this corner, of which there must be a pixel more on every side; `None` where it has too little
+    /// texture.
+    pub(crate) fn of(picture: &Picture<'_>, x: usize, y: usize) -> Option<Self> {
+        if picture.texture(x, y).into_iter().any(|t| t < TEXTURE) {
+            return None;
+        }
+        let (mut gray, mut slopes) = (Vec::with_capacity(AREA), [const { Vec::new() }; 2]);
+        for row in y..y + BLOCK {
+            let (above, below) = (picture.row(x, row - 1, BLOCK), picture.row(x, row + 1, BLOCK));
+            let own = picture.row(x - 1, row, BLOCK + 2);
+            gray.extend(own[1..=BLOCK].iter().map(|&v| i16::from(v)));
+            let half = |a: u8, b: u8| (f32::from(b) - f32::from(a)) / 2.0;
+            slopes[0].extend((0..BLOCK).map(|i| half(own[i], own[i + 2])));
+            slopes[1].extend((0..BLOCK).map(|i| half(above[i], below[i])));
+        }
+        let mean = gray.iter().map(|&v| i32::from(v)).sum::<i32>() as f32 / AREA as f32;
+        let contrast: Vec<f32> = gray.iter().map(|&v| f32::from(v) - mean).collect();
+        let squares = dot(&contrast, &contrast);
+        if squares < LEAST_VARIANCE * AREA as f32 {
+            return None;
+        }
+        for slope in &mut slopes {
+            let middle = slope.iter().sum::<f32>() / AREA as f32;
+            let share = dot(slope, &contrast) / squares;
+            for (slope, contrast) in slope.iter_mut().zip(&contrast) {
+                *slope -= middle + share * contrast;
             }
         }
+        let [right, down] = &slopes;
+        let (xx, xy, yy) = (dot(right, right), dot(right, down), dot(down, down));
         let determinant = xx * yy - xy * xy;
-        if determinant <= 1e-3 * xx * yy {
-            return [0.0; 2];
+        // Where all gradients go one way nothing is said of the other.
+        if determinant <= 0.02 * xx * yy {
+            return None;
         }
-        let right = (xy * ye - yy * xe) / determinant;
-        let down = (xy * xe - xx * ye) / determinant;
-        [right, down].map(|rest| rest.clamp(-1.0, 1.0))
+        let of = |a: f32, b: f32| {
+            let pairs = right.iter().zip(down);
+            pairs.map(|(x, y)| (a * x + b * y) / determinant).collect()
+        };
+        Some(Self {
+            at: (x, y),
+            off: [of(yy, -xy), of(-xy, xx)],
+            gray,
+            contrast,
+            mean,
+            squares,
+        })
+    }
+
+    /// Where in another picture the block is found: how far to the right and down, of so many columns to the right and
+    /// rows down as are searched.
+    pub(crate) fn found(
+        &self,
+        other: &Picture<'_>,
+        columns: RangeInclusive<i32>,
+        rows: RangeInclusive<i32>,
+        costs: &mut Costs,
+    ) -> Option<[f32; 2]> {
+        let (width, height) = (other.size.width as i32, other.size.height as i32);
+        let (x, y) = (self.at.0 as i32, self.at.1 as i32);
+        let clipped = |from: i32, range: RangeInclusive<i32>, side: i32| {
+            let least = (from + range.start()).max(0);
+            let most = (from + range.end()).min(side - BLOCK as i32);
+            (least <= most).then_some((least as usize, most as usize))
+        };
+        let (left, right) = clipped(x, columns, width)?;
+        let (top, bottom) = clipped(y, rows, height)?;
+        costs.compare(self, other, [left, top], [right, bottom]);
+        let (column, row) = costs.best()?;
+        self.placed(other, [(left + column) as f32, (top + row) as f32])
+    }
+
+    /// Its place between pixels, from a whole one; `None` where it strays or is not alike. Gives how far it went.
+    fn placed(&self, other: &Picture<'_>, start: [f32; 2]) -> Option<[f32; 2]> {
+        let mut at = start;
+        let last = [other.size.width, other.size.height].map(|side| (side as usize - BLOCK - 1) as f32);
+        let mut seen = [0.0f32; AREA];
+        for _ in 0..STEPS {
+            if at.iter().zip(last).any(|(at, last)| *at < 0.0 || *at >= last) {
+                return None;
+            }
+            let (column, row) = (at[0] as usize, at[1] as usize);
+            let (right, down) = (at[0].fract(), at[1].fract());
+            for (i, seen) in seen.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+                let above = other.row(column, row + i, BLOCK + 1);
+                let below = other.row(column, row + i + 1, BLOCK + 1);
+                for (j, seen) in seen.iter_mut().enumerate() {
+                    let [a, b, c, d] =
+                        [above[j], above[j + 1], below[j], below[j + 1]].map(f32::from);
+                    let (top, bottom) = (a + right * (b - a), c + right * (d - c));
+                    *seen = top + down * (bottom - top);
+                }
+            }
+            let gain = dot(&self.contrast, &seen) / self.squares;
+            if gain < 0.1 {
+                return None;
+            }
+            let step = [0, 1].map(|k| dot(&self.off[k], &seen) / gain);
+            at = [at[0] - step[0], at[1] - step[1]];
+            if (at[0] - start[0]).abs() > NEAR || (at[1] - start[1]).abs() > NEAR {
+                return None;
+            }
+            if step.iter().all(|step| step.abs() < PLACED) {
+                let mean = seen.iter().sum::<f32>() / AREA as f32;
+                let squares = dot(&seen, &seen) - AREA as f32 * mean * mean;
+                let alike = gain * (self.squares / squares.max(1.0)).sqrt();
+                let from = [self.at.0 as f32, self.at.1 as f32];
+                return (1.0 - alike <= ALIKE).then(|| [at[0] - from[0], at[1] - from[1]]);
+            }
+        }
+        None
+    }
+}
+
+/// The sum of products, in lanes, so that it is the same whatever the compiler makes of it.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    const LANES: usize = 8;
+    let mut sums = [0.0f32; LANES];
+    // A block's area is a multiple of the lanes.
+    let (a, b) = (a.as_chunks::<LANES>().0, b.as_chunks::<LANES>().0);
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    sums.iter().sum()
+}
+
+/// What every place that was searched leaves unexplained, with the memory that takes.
+#[derive(Debug, Default)]
+pub(crate) struct Costs {
+    columns: usize,
+    /// Row by row: one less the correlation.
+    costs: Vec<f32>,
+    /// Sums of the gray levels and of their squares over the block's width, for every place of every row.
+    along: Vec<[u32; 2]>,
+}
+
+impl Costs {
+    /// Compares a block with all places from one corner to another, both included.
+    fn compare(
+        &mut self,
+        block: &Block,
+        other: &Picture<'_>,
+        [left, top]: [usize; 2],
+        [right, bottom]: [usize; 2],
+    ) {
+        let columns = right - left + 1;
+        self.columns = columns;
+        self.costs.clear();
+        self.along.clear();
+        for y in top..bottom + BLOCK {
+            let row = other.row(left, y, columns + BLOCK - 1);
+            let mut sums = [0u32; 2];
+            for (i, &enters) in row.iter().enumerate() {
+                let enters = u32::from(enters);
+                sums[0] += enters;
+                sums[1] += enters * enters;
+                if i + 1 >= BLOCK {
+                    self.along.push(sums);
+                    let leaves = u32::from(row[i + 1 - BLOCK]);
+                    sums[0] -= leaves;
+                    sums[1] -= leaves * leaves;
+                }
+            }
+        }
+        for y in top..=bottom {
+            for x in left..=right {
+                let mut product = 0i32;
+                for (own, row) in block.gray.as_chunks::<BLOCK>().0.iter().zip(y..) {
+                    let their = other.row(x, row, BLOCK);
+                    let products = own.iter().zip(their);
+                    product += products
+                        .map(|(a, b)| i32::from(*a) * i32::from(*b))
+                        .sum::<i32>();
+                }
+                let mut sums = [0u32; 2];
+                for row in 0..BLOCK {
+                    let [sum, squares] = self.along[(y - top + row) * columns + x - left];
+                    sums[0] += sum;
+                    sums[1] += squares;
+                }
+                let [sum, squares] = sums.map(|sum| sum as f32);
+                let covariance = product as f32 - block.mean * sum;
+                let variance = squares - sum * sum / AREA as f32;
+                let cost = match variance < LEAST_VARIANCE * AREA as f32 {
+                    true => 1.0,
+                    false => 1.0 - covariance / (variance * block.squares).sqrt(),
+                };
+                self.costs.push(cost);
+            }
+        }
+    }
+
+    /// The column and row of the least cost, when it is inside and clearly the least.
+    fn best(&self) -> Option<(usize, usize)> {
+        let columns = self.columns;
+        let rows = self.costs.len() / columns;
+        let costs = self.costs.iter().copied().enumerate();
+        let (at, least) = costs.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (column, row) = (at % columns, at / columns);
+        // So that there is a place on every side.
+        let is_inside =
+            (1..columns.max(1) - 1).contains(&column) && (1..rows.max(1) - 1).contains(&row);
+        if !is_inside || least > ALIKE {
+            return None;
+        }
+        let is_far =
+            |at: usize| (at % columns).abs_diff(column) > 2 || (at / columns).abs_diff(row) > 2;
+        let elsewhere = self.costs.iter().enumerate().filter(|(at, _)| is_far(*at));
+        let second = elsewhere
+            .map(|(_, &cost)| cost)
+            .fold(f32::INFINITY, f32::min);
+        (least <= UNIQUE * second).then_some((column, row))
     }
 }
 
@@ -106,6 +307,17 @@ pub(crate) struct Moved {
     pub(crate) down: f32,
 }
 
+/// The corners of a picture's blocks, one every `spacing` pixels, with room to be looked for a few rows up and down.
+pub(crate) fn corners(size: Size, spacing: usize) -> impl Iterator<Item = (usize, usize)> {
+    let (width, height) = (size.width as usize, size.height as usize);
+    let rows = ROWS as usize;
+    let ys = (rows..height.saturating_sub(BLOCK + rows + 1)).step_by(spacing);
+    ys.flat_map(move |y| {
+        let xs = (1..width.saturating_sub(BLOCK + 1)).step_by(spacing);
+        xs.map(move |x| (x, y))
+    })
+}
+
 /// Where the blocks of a picture, one every `spacing` pixels, went in another one of the same size, at most `most` columns to
 /// either side.
 pub(crate) fn moved(
@@ -114,66 +326,18 @@ pub(crate) fn moved(
     most: usize,
     spacing: usize,
 ) -> Vec<Moved> {
-    let (width, height) = (from.size.width as usize, from.size.height as usize);
-    let mut all = Vec::new();
-    let mut costs = Vec::new();
-    let rows = ROWS as usize;
-    for y in (rows..height.saturating_sub(BLOCK + rows + 1)).step_by(spacing) {
-        for x in (1..width.saturating_sub(BLOCK + 1)).step_by(spacing) {
-            if from
-                .texture(x, y)
-                .into_iter()
-                .any(|texture| texture < TEXTURE)
-            {
-                continue;
-            }
-            let least = x.saturating_sub(most);
-            let greatest = (x + most).min(width - BLOCK);
-            let columns = greatest - least + 1;
-            costs.clear();
-            for to_y in y - rows..=y + rows {
-                let cost = |to_x| from.difference(x, y, to, to_x, to_y);
-                costs.extend((least..=greatest).map(cost));
-            }
-            let Some((column, row)) = best(&costs, columns) else {
-                continue;
-            };
-            // It is inside, so that there is a place on every side.
-            let (to_x, to_y) = (least + column, y - rows + row);
-            let [along, across] = from.rest(x, y, to, to_x, to_y);
-            all.push(Moved {
-                block: (x, y),
-                right: to_x as f32 + along - x as f32,
-                down: to_y as f32 + across - y as f32,
-            });
-        }
-    }
-    all
-}
-
-/// The column and row of the least cost, when it is inside and clearly the least.
-fn best(costs: &[f32], columns: usize) -> Option<(usize, usize)> {
-    let rows = costs.len() / columns;
-    let (at, least) = costs
-        .iter()
-        .copied()
-        .enumerate()
-        .min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let (column, row) = (at % columns, at / columns);
-    let is_inside = (1..columns - 1).contains(&column) && (1..rows - 1).contains(&row);
-    if !is_inside || least > ALIKE {
-        return None;
-    }
-    let is_far =
-        |at: usize| (at % columns).abs_diff(column) > 2 || (at / columns).abs_diff(row) > 2;
-    let elsewhere = costs.iter().enumerate().filter(|(at, _)| is_far(*at));
-    let second = elsewhere
-        .map(|(_, &cost)| cost)
-        .fold(f32::INFINITY, f32::min);
-    if least > UNIQUE * second {
-        return None;
-    }
-    Some((column, row))
+    let mut costs = Costs::default();
+    let most = most as i32;
+    let found = corners(from.size, spacing).filter_map(|(x, y)| {
+        let block = Block::of(from, x, y)?;
+        let [right, down] = block.found(to, -most..=most, -ROWS..=ROWS, &mut costs)?;
+        Some(Moved {
+            block: (x, y),
+            right,
+            down,
+        })
+    });
+    found.collect()
 }
 
 /// The value that a share of all is not above; `None` of nothing.
@@ -220,6 +384,27 @@ mod tests {
             assert!(
                 (x - right).abs() < 0.1 && (y - down).abs() < 0.1,
                 "{right} {down}: {x} {y}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_shift_is_found_however_the_exposure_changed() {
+        let before = texture(0.0, 0.0);
+        for (gain, offset) in [(0.8, 0.0), (1.2, 0.0), (0.6, 60.0)] {
+            let after: Vec<u8> = texture(-9.3, 0.6)
+                .into_iter()
+                .map(|value| (f64::from(value) * gain + offset).clamp(0.0, 255.0) as u8)
+                .collect();
+            let picture = |pixels| Picture { size: SIZE, pixels };
+            let moved = moved(&picture(&before), &picture(&after), 30, SPACING);
+            assert!(moved.len() > 10, "{gain}: {}", moved.len());
+            let middle =
+                |of: fn(&Moved) -> f32| quantile(moved.iter().map(of).collect(), 0.5).unwrap();
+            let (right, down) = (middle(|m| m.right), middle(|m| m.down));
+            assert!(
+                (right + 9.3).abs() < 0.05 && (down - 0.6).abs() < 0.05,
+                "{gain}: {right} {down}"
             );
         }
     }
