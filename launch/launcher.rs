@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use messages::Rig;
+use messages::{Rig, Sway};
 use messages::bus::{self, NodePlan, Run};
 use messages::change::Change;
 use serde_json::Value;
@@ -27,6 +27,8 @@ pub(crate) struct Launch<'a> {
     pub(crate) scans: Vec<String>,
     /// Where a rail's frames were taken, where the source had to look at all of them to know.
     pub(crate) places: Vec<f64>,
+    /// By how much each of a rail's frames is off, where it was looked at.
+    pub(crate) sway: Vec<Sway>,
     /// What the recording says besides the graph's configuration, by key.
     pub(crate) remarks: Vec<(&'static str, Value)>,
     /// Says nothing while it runs.
@@ -62,6 +64,7 @@ pub(crate) fn launch_before(
         rig,
         scans,
         places,
+        sway,
         remarks,
         changes,
         no_seek,
@@ -94,6 +97,7 @@ pub(crate) fn launch_before(
         graph: graph.to_mermaid(),
         scans,
         places,
+        sway,
     };
     orders.write(dir.path()).map_err(Failure::failed)?;
     bus::write_changes(dir.path(), &changes)

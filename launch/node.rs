@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::path::Path;
 
+use messages::Sway;
 use messages::bus::{Bus, NodePlan, Progress, Run, Start, complain, read_changes};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -21,6 +22,8 @@ pub(crate) struct Orders {
     pub(crate) scans: Vec<String>,
     /// Where a rail's frames were taken, where the source had to look at all of them to know.
     pub(crate) places: Vec<f64>,
+    /// By how much each of a rail's frames is off, where it was looked at.
+    pub(crate) sway: Vec<Sway>,
 }
 
 impl Orders {
@@ -87,6 +90,7 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         graph,
         scans,
         places,
+        sway,
     } = orders;
     let start = Start {
         life: args.life,
@@ -95,6 +99,7 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         graph,
         scans,
         places,
+        sway,
         changes: read_changes(&args.run),
     };
     let mut bus = Bus::join(run, node.name, &start)?;

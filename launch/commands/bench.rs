@@ -169,6 +169,7 @@ fn measure(args: &Args, observers: Observers, place: &Place) -> Result<Measured,
         source,
         rig,
         places,
+        sway,
         ..
     } = plan(None, args.profile, &overrides)?;
     graph.fill_in("capture", "scans", ENOUGH);
@@ -190,6 +191,7 @@ fn measure(args: &Args, observers: Observers, place: &Place) -> Result<Measured,
         rig,
         scans: Vec::new(),
         places,
+        sway,
         remarks: Vec::new(),
         is_quiet: true,
         timeline: None,

@@ -93,6 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         rig,
         scans: selection.scans.iter().map_while(name).collect(),
         places: Vec::new(),
+        sway: Vec::new(),
         remarks: vec![("changed", json!(changed))],
         is_quiet: args.json,
         timeline: Some(Timeline(

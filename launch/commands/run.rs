@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use capture::Source;
 use jiff::Timestamp;
-use messages::{Delivery, Rail, Rig, Size};
+use messages::{Delivery, Rail, Rig, Size, Sway};
 use serde_json::{Value, json};
 
 use crate::cli::{Profile, Run as Args};
@@ -24,6 +24,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         rig,
         scans,
         places,
+        sway,
         recording,
     } = plan(args.graph.as_deref(), args.profile, &overrides(args)?)?;
     say_notices(&source);
@@ -32,6 +33,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         rig,
         scans,
         places,
+        sway,
         remarks: Vec::new(),
         is_quiet: args.json,
         timeline: None,
@@ -55,6 +57,8 @@ pub(super) struct Planned {
     pub(super) scans: Vec<String>,
     /// Where a rail's frames were taken, where the source had to look at all of them to know.
     pub(super) places: Vec<f64>,
+    /// By how much each of a rail's frames is off, where it was looked at.
+    pub(super) sway: Vec<Sway>,
     pub(super) recording: Option<PathBuf>,
 }
 
@@ -88,12 +92,14 @@ pub(super) fn plan(
     };
     let scans = (0..named).map(|scan| source.name(scan)).collect();
     let places = source.places().unwrap_or_default().to_vec();
+    let sway = source.sways().unwrap_or_default().to_vec();
     Ok(Planned {
         graph,
         source,
         rig,
         scans,
         places,
+        sway,
         recording,
     })
 }

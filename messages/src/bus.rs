@@ -38,7 +38,7 @@ use iceoryx2::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::change::Change;
-use crate::header::Header;
+use crate::header::{Header, Sway};
 use crate::ledger::{Account, Ledger, Seen};
 use crate::payload::AnyView;
 use crate::rig::{Delivery, Rig};
@@ -151,6 +151,8 @@ pub struct Start {
     pub scans: Vec<String>,
     /// Where a rail's frames were taken, in the source's own steps, where it had to look at all of them to know.
     pub places: Vec<f64>,
+    /// By how much each of a rail's frames is off, where it was looked at.
+    pub sway: Vec<Sway>,
     /// Settings that hold otherwise from a scan on.
     pub changes: Vec<Change>,
 }

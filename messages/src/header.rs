@@ -40,6 +40,62 @@ impl std::fmt::Display for Size {
     }
 }
 
+/// By how much a frame of a rail is off from where an even motion would have put it.
+///
+/// What belongs at (x, y) from the middle of the picture is seen at (x + right + scale·x − turn·y, y + down + turn·x +
+/// scale·y).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
+pub struct Sway {
+    /// Columns to the right.
+    pub right_px: f64,
+    /// Rows down.
+    pub down_px: f64,
+    /// Turn about the middle, in radians, clockwise as it is seen.
+    pub turn: f64,
+    /// By which part of itself the picture is larger.
+    pub scale: f64,
+}
+
+impl Sway {
+    /// Of a frame that is not off.
+    pub const NONE: Self = Self {
+        right_px: 0.0,
+        down_px: 0.0,
+        turn: 0.0,
+        scale: 0.0,
+    };
+
+    /// Whether the frame is off at all.
+    pub fn is_none(&self) -> bool {
+        *self == Self::NONE
+    }
+
+    /// By how many columns and rows what is seen at a column and row of a picture of this size is off.
+    pub fn off(&self, size: Size, column: f64, row: f64) -> [f64; 2] {
+        let x = column - (f64::from(size.width) - 1.0) / 2.0;
+        let y = row - (f64::from(size.height) - 1.0) / 2.0;
+        [
+            self.right_px + self.scale * x - self.turn * y,
+            self.down_px + self.turn * x + self.scale * y,
+        ]
+    }
+}
+
+impl std::ops::Sub for Sway {
+    type Output = Self;
+
+    /// By how much a frame is off beside another one that is off itself, to first order.
+    fn sub(self, other: Self) -> Self {
+        Self {
+            right_px: self.right_px - other.right_px,
+            down_px: self.down_px - other.down_px,
+            turn: self.turn - other.turn,
+            scale: self.scale - other.scale,
+        }
+    }
+}
+
 /// The head of every message.
 ///
 /// A message is identified by its topic and [`sequence`](Self::sequence): results are pure functions of inputs and
@@ -55,6 +111,8 @@ pub struct Header {
     /// Where the view's camera stands along the baseline, in metres; on a rail where it stood when the frame was taken,
     /// in every message of that frame.
     pub position_m: f64,
+    /// On a rail, by how much the frame is off; in every message of that frame.
+    pub sway: Sway,
     /// Index of the view, left to right, or [`NONE`].
     pub view: u32,
     /// Index of the channel, coarse to fine, or [`NONE`].

@@ -33,7 +33,7 @@ pub mod synchronisation;
 pub mod topic;
 
 pub use calibration::Calibration;
-pub use header::{Header, NONE, Size};
+pub use header::{Header, NONE, Size, Sway};
 pub use payload::{
     AnyView, Curve, Curves, CurvesRoom, CurvesView, Difference, Disparity, DisparityRoom,
     DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom,

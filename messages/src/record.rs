@@ -24,7 +24,7 @@ mod wire;
 
 pub use codec::{Beside, DecodeError, Recorded, Said};
 pub use encoder::{Encoder, Sink};
-pub use scene::Level;
+pub use scene::{Level, SWAY};
 pub use schema::Schema;
 pub use statistics::{Milliseconds, Statistics};
 pub use views::{Colours, Span, Views, paint};

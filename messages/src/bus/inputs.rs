@@ -199,6 +199,8 @@ impl Joined {
             } else {
                 0.0
             },
+            // Only a rail sways, and there all are of one frame.
+            sway: first.sway,
             ..Header::new(self.sequence, first.capture_nanos, first.size())
         }
     }

@@ -28,7 +28,7 @@ use crate::topic::Topic;
 /// The header as it stands before every payload in shared memory.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("tricurve.Header.1")]
+#[type_name("tricurve.Header.2")]
 pub(super) struct Head(pub(super) Words);
 
 /// A [`Header`] as words, which iceoryx2 knows to be plain.

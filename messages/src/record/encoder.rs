@@ -122,7 +122,7 @@ impl Encoder {
         // All views of a scan are of one size, and every message says it.
         let size = first.size();
         // So they say where the camera stood, when it is one that moves.
-        let position_m = first.position_m;
+        let (position_m, sway) = (first.position_m, first.sway);
         // Only what is recorded too can be referred to.
         let beside = |topic: &Topic| {
             let of = |kind| {
@@ -159,7 +159,7 @@ impl Encoder {
             }
             match &channel.content {
                 Content::Transforms => {
-                    sink.add(index, |out| codec.transforms(nanos, size, position_m, out));
+                    sink.add(index, |out| codec.transforms(nanos, size, position_m, &sway, out));
                 }
                 Content::Calibration(view) => {
                     sink.add(index, |out| {

@@ -7,7 +7,7 @@
 
 use super::Codec;
 use super::wire::{Fields, Fill, Value};
-use crate::header::Size;
+use crate::header::{Size, Sway};
 use crate::rig::Rail;
 
 /// How much a line of the log matters; the values are those of `foxglove.Log`.
@@ -37,6 +37,10 @@ impl From<crate::bus::Level> for Level {
 
 /// The rig's own frame.
 const RIG: &str = "rig";
+
+/// Fields of recorded transforms that say by how much a rail's frame is off: `right_px`, `down_px`, `turn` and `scale` of
+/// [`Sway`], doubles. Of a frame that is not off there are none.
+pub const SWAY: [u32; 4] = [101, 102, 103, 104];
 
 /// From the rig's axes to the optical ones: (x, y, z) right, down, forward is (−y, −z, x) of forward, left, up.
 const OPTICAL_IN_RIG: [f64; 4] = [-0.5, 0.5, -0.5, 0.5];
@@ -79,7 +83,17 @@ impl Codec {
 
     /// Appends the `foxglove.FrameTransforms` from `world` over `rig` to every view's optical frame, and to `rail` where
     /// there is one, whose camera stands at `position_m`.
-    pub fn transforms(&self, nanos: u64, size: Size, position_m: f64, out: &mut Vec<u8>) {
+    ///
+    /// By how much its frame is off stands behind them, where it is: fields [`SWAY`] of the message, which readers of
+    /// transforms pass over.
+    pub fn transforms(
+        &self,
+        nanos: u64,
+        size: Size,
+        position_m: f64,
+        sway: &Sway,
+        out: &mut Vec<u8>,
+    ) {
         let mut fill = Fill(out);
         let mut transform =
             |parent: &str, child: &str, translation: [f64; 3], rotation: [f64; 4]| {
@@ -99,6 +113,12 @@ impl Codec {
         }
         if self.rig.rail.is_some() {
             transform(RIG, Rail::FRAME, [0.0; 3], OPTICAL_IN_RIG);
+        }
+        if !sway.is_none() {
+            let parts = [sway.right_px, sway.down_px, sway.turn, sway.scale];
+            for (field, part) in SWAY.into_iter().zip(parts) {
+                fill.double(field, part);
+            }
         }
     }
 
@@ -121,6 +141,23 @@ impl Codec {
             }
             right.filter(|_| child == frame)
         })
+    }
+
+    /// By how much a rail's frame is off, as [`transforms`](Self::transforms) say it.
+    pub fn sway_in(&self, transforms: &[u8]) -> Sway {
+        let mut parts = [0.0; SWAY.len()];
+        for (field, value) in Fields::new(transforms).flatten() {
+            if let Some(part) = SWAY.iter().position(|known| *known == field) {
+                parts[part] = value.double().unwrap_or_default();
+            }
+        }
+        let [right_px, down_px, turn, scale] = parts;
+        Sway {
+            right_px,
+            down_px,
+            turn,
+            scale,
+        }
     }
 
     /// Appends a `foxglove.Log`: a line that `node` said.

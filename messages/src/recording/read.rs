@@ -181,13 +181,14 @@ impl Scan {
             return Ok(header);
         }
         let transforms = self.message(TRANSFORMS);
-        let position = transforms.and_then(|transforms| codec.position_in(transforms));
-        let position_m = position.ok_or_else(|| ReadError::NoMessage {
+        let said = transforms.and_then(|said| Some((codec.position_in(said)?, codec.sway_in(said))));
+        let (position_m, sway) = said.ok_or_else(|| ReadError::NoMessage {
             scan: self.sequence,
             topic: TRANSFORMS.to_owned(),
         })?;
         Ok(Header {
             position_m,
+            sway,
             ..header
         })
     }

@@ -274,6 +274,15 @@ pub enum SourceError {
     )]
     SpeedOfFiles,
 
+    /// Sway where no frames of a rail can be looked at beforehand.
+    #[error(
+        "capture.sway is of one camera along a rail whose frames are files, all of which are looked at beforehand; leave it away of {what}"
+    )]
+    SwayOf {
+        /// What has none.
+        what: &'static str,
+    },
+
     /// Raw images are asked for where no others are published.
     #[error(
         "capture.raw is set and images are not rectified: they are published as they were taken; set capture.calibration and leave capture.rectify true, or leave capture.raw away"
@@ -400,6 +409,7 @@ impl SourceError {
                 | Self::NoPositions
                 | Self::NoStep
                 | Self::SpeedOfFiles
+                | Self::SwayOf { .. }
                 | Self::NothingRectified
                 | Self::PositionsOfCamera
                 | Self::OneCamera { .. }

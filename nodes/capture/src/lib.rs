@@ -35,6 +35,7 @@ mod scene;
 mod sensor;
 mod settings;
 mod source;
+mod sway;
 pub mod synchronise;
 mod truth;
 

@@ -11,6 +11,8 @@ use messages::Size;
 
 /// Pixels a block measures.
 const BLOCK: usize = 20;
+/// From the corner of a block to its middle, in pixels.
+pub(crate) const MIDDLE: f64 = (BLOCK as f64 - 1.0) / 2.0;
 /// Pixels of a block.
 const AREA: usize = BLOCK * BLOCK;
 /// Pixels from one block to the next, where all of a picture is looked at.

@@ -33,7 +33,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
     if let Some(way) = Way::of(&settings.source)? {
         return live::node::run(bus, way, &settings, start);
     }
-    let source = Source::open_at(&settings, &start.places)?;
+    let source = Source::open_at(&settings, &start.places, &start.sway)?;
     let total = source.scans();
     let mut capture = Capture {
         source,
@@ -217,6 +217,7 @@ impl Capture {
             let header = Header {
                 view: view as u32,
                 position_m,
+                sway: self.source.sway(tick),
                 ..Header::new(0, nanos, size)
             };
             images.push((loan, filled, header));
@@ -268,6 +269,7 @@ impl Capture {
         };
         let header = Header {
             position_m: self.source.position_m(tick).unwrap_or_default(),
+            sway: self.source.sway(tick),
             ..Header::new(0, nanos, size)
         };
         Ok((loan, filled, header))

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use messages::{Calibration, Size};
+use messages::{Calibration, Size, Sway};
 
 use crate::error::SourceError;
 use crate::motion::{Picture, SPACING, moved, quantile};
 use crate::pace::{self, Estimated};
 use crate::positions;
 use crate::settings::Settings;
+use crate::sway;
 
 /// Pairs of frames that are looked at to see how the picture moves.
 const LOOKS: usize = 6;
@@ -37,6 +38,8 @@ pub(crate) struct Rail {
     pub(crate) positions_m: Vec<f64>,
     /// The same in the source's own steps, where only looking at all the pictures told.
     pub(crate) places: Option<Vec<f64>>,
+    /// By how much each frame is off, where all the pictures were looked at.
+    pub(crate) sway: Option<Vec<Sway>>,
     /// Steps of the source's own in a baseline.
     pub(crate) own_steps: f64,
     pub(crate) rail: messages::Rail,
@@ -56,6 +59,8 @@ pub(crate) struct Passed {
     pub(crate) own_steps: Vec<f64>,
     /// The same, where it was estimated before.
     pub(crate) places: Option<Vec<f64>>,
+    /// By how much each frame is off, where it was estimated before.
+    pub(crate) sway: Option<Vec<Sway>>,
     /// Whether the source itself says where.
     pub(crate) is_described: bool,
 }
@@ -171,10 +176,45 @@ impl Rail {
             far = far.map(Survey::mirrored);
         }
         let baseline = nominal * stride as f64;
-        let drift_px = settings.drift.unwrap_or_else(|| {
-            let drift = far.map_or(0.0, |far| f64::from(far.drift) * baseline);
-            if drift.abs() < LEVEL_PX { 0.0 } else { drift }
+        let level = |drift: f64| if drift.abs() < LEVEL_PX { 0.0 } else { drift };
+        let mut drift_px = settings.drift.unwrap_or_else(|| {
+            level(far.map_or(0.0, |far| f64::from(far.drift) * baseline))
         });
+        let is_in_reach = settings.sway == Some(true) || frames <= most;
+        let sway = match path.sway {
+            _ if settings.sway == Some(false) => None,
+            Some(known) => Some(known),
+            None if !is_in_reach => {
+                notices.push(format!(
+                    "by how much {frames} frames sway is not looked at, at most {most} are; set capture.sway to true"
+                ));
+                None
+            }
+            None => {
+                let looked = sway::Looked {
+                    size,
+                    positions: &positions,
+                    stride: stride as usize,
+                    drift: drift_px / baseline,
+                };
+                let found = sway::found(&looked, |frame| pixels(path.order[frame]))?;
+                if let Some(found) = found.as_ref().filter(|found| !found.sway.is_empty()) {
+                    notices.push(format!(
+                        "the rail sways by {:.2} px from frame to frame, which is made good in the places of its curves; set capture.sway",
+                        found.px
+                    ));
+                    // All frames tell more than the few that were looked at.
+                    if settings.drift.is_none() {
+                        drift_px = level(drift_px + found.drift * baseline);
+                    }
+                }
+                let sway = found.map_or(Vec::new(), |found| found.sway);
+                match sway.is_empty() {
+                    true => Some(vec![Sway::NONE; frames]),
+                    false => Some(sway),
+                }
+            }
+        };
         if settings.stride.is_none() {
             notices.push(match stride {
                 1 => "frames that follow each other are matched; set capture.stride".to_owned(),
@@ -211,6 +251,7 @@ impl Rail {
             places: is_guessed.then_some(positions),
             own_steps: usual_step(&path.own_steps).unwrap_or(1.0) * stride as f64,
             order: path.order,
+            sway,
             rail: messages::Rail {
                 stride,
                 drift_px,
@@ -224,6 +265,13 @@ impl Rail {
             notices,
             warnings,
         })
+    }
+
+    /// By how much a frame is off.
+    pub(crate) fn sway(&self, scan: u64) -> Sway {
+        let turn = (scan % self.order.len() as u64) as usize;
+        let known = self.sway.as_ref().and_then(|sway| sway.get(turn));
+        known.copied().unwrap_or(Sway::NONE)
     }
 
     /// Which picture of the source a frame is, and where it was taken; a source with fewer begins again.

@@ -85,6 +85,10 @@ messages::settings! {
         /// Rail: rows by which the picture lies lower a baseline further to the right, which is made good; by default it
         /// is measured.
         pub drift: Option<f64> = None, in -16.0..=16.0;
+        /// Rail: whether by how much each frame is off beside an even motion (to the right, down, turned, scaled) is measured
+        /// and made good in the places of its curves' points, images stay as they are; by default in files, of as many
+        /// frames as places are estimated of. true: of any number; of a rig and of live cameras it cannot be.
+        pub sway: Option<bool> = None;
         /// Rail: how fast a camera moves along it, in metres a second, to the right, where frames come with a time and not
         /// with a position.
         pub speed: Option<f64> = None, in -1000.0..=1000.0;

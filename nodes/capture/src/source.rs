@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::Path;
 
 use messages::settings::{self, Settings as _};
-use messages::{Calibration, ImageRoom, RawRoom, Size};
+use messages::{Calibration, ImageRoom, RawRoom, Size, Sway};
 
 use crate::camera_info::{self, Known};
 use crate::error::SourceError;
@@ -66,22 +66,36 @@ impl Source {
     /// # Errors
     /// What is wrong with the source or the settings, in one sentence.
     pub fn open(settings: &Settings) -> Result<Self, SourceError> {
-        Self::open_at(settings, &[])
+        Self::open_at(settings, &[], &[])
     }
 
-    /// Opens a source that told [`Self::places`] when it was opened before, and need not look at all its pictures again.
+    /// Opens a source that told [`Self::places`] and [`Self::sways`] when it was opened before, and need not look at all its
+    /// pictures again.
     ///
     /// # Errors
     /// As [`Self::open`].
-    pub fn open_at(settings: &Settings, places: &[f64]) -> Result<Self, SourceError> {
+    pub fn open_at(
+        settings: &Settings,
+        places: &[f64],
+        sway: &[Sway],
+    ) -> Result<Self, SourceError> {
         settings.check()?;
+        if settings.sway == Some(true) && settings.mode == Mode::Rig {
+            return Err(SourceError::SwayOf {
+                what: "a rig, of which check-geometry -o writes what capture.calibration makes good",
+            });
+        }
         #[cfg(feature = "node")]
         if let Some(way) = live::Way::of(&settings.source)? {
+            if settings.sway == Some(true) {
+                let what = "a live camera";
+                return Err(SourceError::SwayOf { what });
+            }
             return Self::cameras(live::look(way, settings)?, settings);
         }
         match settings.source.strip_prefix("scene:") {
             Some(name) => Self::rendered(name, settings),
-            None => Self::folders(Path::new(&settings.source), settings, places),
+            None => Self::folders(Path::new(&settings.source), settings, (places, sway)),
         }
     }
 
@@ -140,6 +154,7 @@ impl Source {
         let passed = Passed {
             own_steps: order.iter().map(|&position| position as f64).collect(),
             places: None,
+            sway: Some(Vec::new()),
             order,
             is_described: true,
         };
@@ -203,11 +218,15 @@ impl Source {
         }
     }
 
-    fn folders(path: &Path, settings: &Settings, places: &[f64]) -> Result<Self, SourceError> {
+    fn folders(
+        path: &Path,
+        settings: &Settings,
+        known: (&[f64], &[Sway]),
+    ) -> Result<Self, SourceError> {
         folder::check(path, settings::nearest(&settings.source, known_scenes()))?;
         let albums = folder::open(path, &settings.views, settings.mode)?;
         if settings.mode == Mode::Rail {
-            return Self::folder_rail(albums, settings, places);
+            return Self::folder_rail(albums, settings, known);
         }
         let sizes: Vec<Size> = albums.iter().map(|album| album.size).collect();
         let rectifier = Rectifier::open(settings, albums[0].shots.len(), &sizes)?;
@@ -236,7 +255,7 @@ impl Source {
     fn folder_rail(
         albums: Vec<Album>,
         settings: &Settings,
-        places: &[f64],
+        (places, sway): (&[f64], &[Sway]),
     ) -> Result<Self, SourceError> {
         let [album] = &albums[..] else {
             return Err(SourceError::OneScene {
@@ -252,6 +271,7 @@ impl Source {
                 true => Some(places.to_vec()),
                 false => None,
             },
+            sway: (sway.len() == album.shots.len()).then(|| sway.to_vec()),
             is_described: album.is_described,
         };
         let size = album.size;
@@ -296,6 +316,17 @@ impl Source {
     /// Where the camera of a rail stood when it took a frame, in metres.
     pub fn position_m(&self, scan: u64) -> Option<f64> {
         Some(self.rail.as_ref()?.frame(scan).1)
+    }
+
+    /// By how much a scan is off, of a rail that sways.
+    pub fn sway(&self, scan: u64) -> Sway {
+        let rail = self.rail.as_ref();
+        rail.map_or(Sway::NONE, |rail| rail.sway(scan))
+    }
+
+    /// By how much each of a rail's frames is off, where all of them were looked at.
+    pub fn sways(&self) -> Option<&[Sway]> {
+        self.rail.as_ref()?.sway.as_deref()
     }
 
     /// Where a rail's frames were taken, in the source's own steps, where only looking at all of them told.

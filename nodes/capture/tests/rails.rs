@@ -104,7 +104,7 @@ fn a_camera_that_moves_to_the_left_has_its_drift_to_the_right() {
             drift: Some(rail.drift_px),
             ..settings
         };
-        let again = Source::open_at(&settled, source.places().unwrap()).unwrap();
+        let again = Source::open_at(&settled, source.places().unwrap(), source.sways().unwrap()).unwrap();
         assert_eq!(again.rail(), Some(rail));
         for frame in 0..12 {
             assert_eq!(again.position_m(frame), source.position_m(frame));

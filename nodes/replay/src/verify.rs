@@ -158,9 +158,15 @@ fn compare<M: Recorded>(
     computed: AnyView<'_>,
 ) -> Result<Option<Difference>, ReadError> {
     let message = recorded.decode::<M>(codec, topic)?;
-    let head = |header: &Header| (header.size(), header.position_m.to_bits());
+    let head = |header: &Header| (header.size(), header.position_m.to_bits(), header.sway);
     if head(&message.header) != head(header) {
-        let text = |header: &Header| Some(format!("{} at {} m", header.size(), header.position_m));
+        let text = |header: &Header| {
+            let place = format!("{} at {} m", header.size(), header.position_m);
+            Some(match header.sway.is_none() {
+                true => place,
+                false => format!("{place}, off by {:?}", header.sway),
+            })
+        };
         return Ok(Some(Difference {
             section: "header",
             element: 0,
