@@ -179,9 +179,16 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
                 let pair = named(&mut measured.pairs, between);
                 let found = followed(&ready[view], &ready[other], &points);
                 for ((at, found), both) in points.iter().zip(found).zip(&mut both) {
-                    let Some([columns, rows]) = found else {
+                    let Some(moved) = found else {
                         continue;
                     };
+                    // As it is matched: with what sways made good.
+                    let off = |stand: usize, [x, y]: [f64; 2]| {
+                        source.sway(row[stand].scan).off(size, x, y)
+                    };
+                    let own = off(view, *at);
+                    let there = off(other, [at[0] + moved[0], at[1] + moved[1]]);
+                    let [columns, rows] = [0, 1].map(|k| moved[k] - (there[k] - own[k]));
                     pair.push(Followed {
                         from_middle: [at[0] - middle[0], at[1] - middle[1]],
                         // Rows count as lower in the right one of two views.

@@ -779,7 +779,7 @@ fn foxglove_reads_calibration_frames_and_log() {
     assert!((u - (30.0 - 2.0 * 10.0)).abs() < 1e-9);
 
     bytes.clear();
-    codec.transforms(NANOS, size, 0.0, &mut bytes);
+    codec.transforms(NANOS, size, 0.0, &Sway::NONE, &mut bytes);
     let read = fg::FrameTransforms::decode(&*bytes).unwrap().transforms;
     let names: Vec<_> = read
         .iter()
@@ -1151,7 +1151,7 @@ fn where_a_camera_stood_along_its_rail_is_read_from_the_transforms() {
     let codec = Codec::new(rail, 0);
     for position in [0.0, -1.25, 0.1 + 0.2, 1e9] {
         let mut bytes = Vec::new();
-        codec.transforms(NANOS, Size::new(40, 30), position, &mut bytes);
+        codec.transforms(NANOS, Size::new(40, 30), position, &sway, &mut bytes);
         assert_eq!(codec.position_in(&bytes), Some(position));
         assert!(codec.position_in(&bytes[..bytes.len() / 3]).is_none());
     }

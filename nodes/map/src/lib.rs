@@ -17,7 +17,7 @@
 pub mod node;
 mod settled;
 
-use messages::{Calibration, GrowingRoom, MapPoint, MapRoom, Point};
+use messages::{Calibration, GrowingRoom, MapPoint, MapRoom, Point, Size, Sway};
 
 use settled::Settled;
 
@@ -72,6 +72,10 @@ pub struct Place {
     pub camera: Calibration,
     /// Rows by which the picture lies lower a baseline further to the right.
     pub drift_px: f64,
+    /// By how much the frame is off, in pictures of this size.
+    pub sway: Sway,
+    /// The size of the picture.
+    pub size: Size,
 }
 
 /// A point on its way through the frames.
@@ -266,6 +270,9 @@ impl Fusion {
         let frame = &mut newest[0];
         let origin = place.position_m / place.camera.baseline_m;
         frame.fill(points, rows, origin, &self.settings);
+        if !place.sway.is_none() {
+            frame.put_right(rows, place);
+        }
         for index in 0..frame.points.len() {
             let point = frame.points[index];
             // Only a picture that drifts shows other points of a contour in a row.
@@ -345,8 +352,36 @@ impl Frame {
         self.origin = origin;
         let is_exact = |point: &&Point| point.v.fract() == 0.0 && point.score >= settings.score;
         self.points.extend(points.iter().filter(is_exact));
+        self.index(rows);
+    }
+
+    /// Moves the points to where they would be, were the frame not off: in its row again, each along its contour.
+    fn put_right(&mut self, rows: u32, place: &Place) {
+        let moved = (0..self.points.len()).map(|index| {
+            let point = self.points[index];
+            let [right, down] = place.sway.off(place.size, point.u.into(), point.v.into());
+            let row = (point.v - down as f32).round();
+            let lower = row - (point.v - down as f32);
+            Point {
+                u: point.u - right as f32 + lower * self.slope(index),
+                v: row,
+                ..point
+            }
+        });
+        let is_inside = |point: &Point| (0.0..rows as f32).contains(&point.v);
+        let mut moved: Vec<Point> = moved.filter(is_inside).collect();
+        moved.sort_by(|a, b| (a.v.total_cmp(&b.v)).then(a.u.total_cmp(&b.u)));
+        self.points = moved;
+        self.index(rows);
+    }
+
+    /// Notes where rows begin among the points.
+    fn index(&mut self, rows: u32) {
+        self.columns.clear();
         self.columns.extend(self.points.iter().map(|point| point.u));
+        self.is_continued.clear();
         self.is_continued.resize(self.points.len(), false);
+        self.rows.clear();
         let mut at = 0;
         for row in 0..=rows {
             while at < self.points.len() && self.points[at].v < row as f32 {

@@ -46,6 +46,8 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
             position_m: header.position_m,
             camera: rig.calibration(header.size()),
             drift_px: rig.rail.map_or(0.0, |rail| rail.drift_px),
+            sway: header.sway,
+            size: header.size(),
         };
         let points = frame.of(Kind::Points, NONE, NONE)?.view::<Points>()?;
         let mut map = results.loan::<Map>(NONE, NONE)?;

@@ -74,6 +74,8 @@ fn place(position_m: f64) -> Place {
         position_m,
         camera: CAMERA,
         drift_px: 0.0,
+        sway: Sway::NONE,
+        size: Size::new(640, 480),
     }
 }
 
@@ -100,6 +102,7 @@ fn fused_of(
     for (position, points) in frames {
         let place = Place {
             drift_px,
+            ..place(0.0)
             ..place(*position)
         };
         map.fill(|map| {

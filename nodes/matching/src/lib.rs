@@ -30,7 +30,8 @@ mod vote;
 mod windows;
 
 use messages::{
-    Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, TablesView,
+    Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, Sway,
+    TablesView,
 };
 
 pub use messages::Reference;
@@ -167,6 +168,16 @@ impl Matcher {
             disparity,
             points,
         );
+        // Columns and rows are those of the picture; the place in space is where they should be.
+        let sway = &triple.sway[triple.reference];
+        if !sway.is_none() {
+            for point in points.points.iter_mut() {
+                let (u, v) = (f64::from(point.u), f64::from(point.v));
+                let [right, down] = sway.off(size, u, v);
+                let metres = calibration.point_m(u - right, v - down, point.disparity.into());
+                [point.x, point.y, point.z] = metres.map(|metres| metres as f32);
+            }
+        }
     }
 
     #[expect(clippy::too_many_arguments, reason = "where, what, and where to")]
@@ -222,7 +233,8 @@ impl Matcher {
         let used = self.rows.iter_mut().zip(views).enumerate();
         for (at, (rows, view)) in used.filter(|&(view, _)| steps.uses(view)) {
             let to_the_right = triple.places[at] - triple.places[triple.reference];
-            rows.fill(view, size.width, triple.drift * to_the_right);
+            let sway = triple.beside_reference(at);
+            rows.fill(view, size, triple.drift * to_the_right, &sway);
         }
         let own = triple.places[triple.reference];
         let by_point = steps.third && self.settings.assignment == Assignment::Point;
@@ -232,7 +244,7 @@ impl Matcher {
         let seen = all.iter().enumerate().filter(is_further);
         for ((to, rows), (view, seen)) in self.further.iter_mut().zip(seen) {
             *to = view as f32 - first as f32 - own;
-            rows.fill(seen, size.width, triple.drift * *to);
+            rows.fill(seen, size, triple.drift * *to, &Sway::NONE);
         }
         self.choices.clear();
         self.choices.resize(reference.points.len(), Choice::NOTHING);

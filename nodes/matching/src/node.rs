@@ -108,7 +108,10 @@ fn of_frame<'a>(
     let places_m = frames.map(|frame| frame.header().position_m);
     let baseline_m = rig.calibration(header.size()).baseline_m;
     let found = match rail::triple(rail, places_m, baseline_m) {
-        Ok(triple) => Found::Frames(triple, frames),
+        Ok(triple) => {
+            let sway = frames.map(|frame| frame.header().sway);
+            Found::Frames(Triple { sway, ..triple }, frames)
+        }
         Err(why) => Found::Nothing(why),
     };
     Some((header, found))

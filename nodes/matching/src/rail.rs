@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use messages::Rail;
+use messages::{Rail, Sway};
 
 use crate::Triple;
 
@@ -69,6 +69,7 @@ pub fn triple(rail: &Rail, places_m: [f64; 3], baseline_m: f64) -> Result<Triple
         reference: 0,
         places: [0.0, place(1) as f32, place(2) as f32],
         drift: rail.drift_px as f32,
+        sway: [Sway::NONE; 3],
     })
 }
 

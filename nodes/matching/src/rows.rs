@@ -1,6 +1,6 @@
 //! A view's curve points by image row: what every search along an epipolar line walks.
 
-use messages::{Edge, NONE};
+use messages::{Edge, NONE, Size, Sway};
 
 use crate::{ChannelView, Range};
 
@@ -45,9 +45,15 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Takes in the points of a view whose picture lies `lower` rows lower than the reference view's, so that rows are
-    /// those of the reference view.
-    pub(crate) fn fill(&mut self, view: &ChannelView<'_>, width: u32, lower: f32) {
+    /// Takes in the points of a view whose picture lies `lower` rows lower than the reference view's and is off by so much
+    /// beside it, so that rows and columns are those of the reference view.
+    pub(crate) fn fill(
+        &mut self,
+        view: &ChannelView<'_>,
+        size: Size,
+        lower: f32,
+        sway: &Sway,
+    ) {
         let points = view.curves.points;
         self.curve_of.clear();
         self.curve_of.resize(points.len(), NONE);
@@ -61,7 +67,7 @@ impl Rows {
         self.starts.clear();
         self.starts.push(0);
         self.cells.clear();
-        self.per_row = width as usize / CELL + 1;
+        self.per_row = size.width as usize / CELL + 1;
         let (whole, rest) = (lower.round(), lower - lower.round());
         let own_rows = view.tables.rows;
         for row in 0..own_rows.len().saturating_sub(1) as i64 {
@@ -70,7 +76,9 @@ impl Rows {
             self.cells.resize(cells + self.per_row + 1, 0);
             let first = self.spots.len();
             let own = usize::try_from(row + whole as i64).ok();
-            if let Some(ends) = own.and_then(|own| own_rows.get(own..own + 2)) {
+            if !sway.is_none() {
+                self.put_right(view, size, row, lower, sway);
+            } else if let Some(ends) = own.and_then(|own| own_rows.get(own..own + 2)) {
                 for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
                     if self.in_row[point as usize] {
                         let edge = &points[point as usize];
@@ -80,7 +88,7 @@ impl Rows {
                 }
             }
             let spots = &mut self.spots[first..];
-            if rest != 0.0 {
+            if rest != 0.0 || !sway.is_none() {
                 spots.sort_by(|a, b| a.x.total_cmp(&b.x));
             }
             let cells = &mut self.cells[cells..];
@@ -95,6 +103,43 @@ impl Rows {
             }
             self.cells.pop();
             self.starts.push(self.spots.len() as u32);
+        }
+    }
+
+    /// Adds the points that a row of the reference view shows of a view that is off: of every contour the one nearest to
+    /// where the row is seen there, moved along it.
+    fn put_right(
+        &mut self,
+        view: &ChannelView<'_>,
+        size: Size,
+        row: i64,
+        lower: f32,
+        sway: &Sway,
+    ) {
+        // Where the row is seen at a column.
+        let seen_at = |column: f64| row as f64 + f64::from(lower) + sway.off(size, column, row as f64)[1];
+        let ends = [0.0, f64::from(size.width)].map(seen_at);
+        let (least, most) = (ends[0].min(ends[1]).round(), ends[0].max(ends[1]).round());
+        for own in least as i64..=most as i64 {
+            let own_rows = usize::try_from(own).ok();
+            let Some(ends) = own_rows.and_then(|own| view.tables.rows.get(own..own + 2)) else {
+                continue;
+            };
+            for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
+                if !self.in_row[point as usize] {
+                    continue;
+                }
+                let edge = &view.curves.points[point as usize];
+                let rest = seen_at(edge.x.into()) - own as f64;
+                // Half a row belongs to one side only.
+                if !(-0.5..0.5).contains(&rest) {
+                    continue;
+                }
+                let right = sway.off(size, edge.x.into(), own as f64)[0];
+                let mut spot = Spot::new(edge, point, self.curve_of[point as usize]);
+                spot.x -= right as f32;
+                self.spots.push(spot.lifted(rest as f32));
+            }
         }
     }
 

@@ -1,5 +1,7 @@
 //! Three views of a scene: where they stand, and how columns that belong together give a disparity.
 
+use messages::Sway;
+
 /// Where the three views of a triple stand, and which of them the results belong to.
 ///
 /// A point with disparity d (pixels a baseline) seen at column x in the reference view is expected at x − t·d in a view
@@ -12,6 +14,8 @@ pub struct Triple {
     pub places: [f32; 3],
     /// Rows by which the picture lies lower, a baseline further to the right.
     pub drift: f32,
+    /// By how much each view's picture is off.
+    pub sway: [Sway; 3],
 }
 
 impl Triple {
@@ -21,7 +25,13 @@ impl Triple {
             reference,
             places: [0.0, 1.0, 2.0],
             drift: 0.0,
+            sway: [Sway::NONE; 3],
         }
+    }
+
+    /// By how much a view's picture is off beside the reference view's.
+    pub(crate) fn beside_reference(&self, view: usize) -> Sway {
+        self.sway[view] - self.sway[self.reference]
     }
 }
 
@@ -122,6 +132,7 @@ mod tests {
                     reference,
                     places,
                     drift: 0.0,
+                    sway: [Sway::NONE; 3],
                 };
                 let steps = Steps::of(&triple, true);
                 let (disparity, bend) = steps.measure(seen(&triple, 300.0, 12.5));
