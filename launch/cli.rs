@@ -240,6 +240,12 @@ pub(crate) struct CheckGeometry {
     /// Set one key of one node
     #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// Of a rig: where to write what is left to correct in each view, as Kalibr does, for capture.calibration
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Replace a file that exists
+    #[arg(long, requires = "output")]
+    pub(crate) force: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

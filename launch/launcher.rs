@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use messages::{Rig, Sway};
 use messages::bus::{self, NodePlan, Run};
 use messages::change::Change;
+use messages::{Rig, Sway};
 use serde_json::Value;
 
 use crate::Failure;

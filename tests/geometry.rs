@@ -377,11 +377,9 @@ fn frames_of_a_rail_that_lie_shifted_are_told() {
     // A thousandth of a radian is 0.64 px everywhere.
     cameras[3].turn = glam::DMat3::from_rotation_y(0.002);
     let folder = scene(&world, "shaken", &cameras);
-    let (code, report) = check(
-        &world,
-        &folder,
-        &["capture.mode=rail", "capture.stride=1", "capture.drift=0"],
-    );
+    let rail = ["capture.mode=rail", "capture.stride=1", "capture.drift=0"];
+    let as_they_are = [&rail[..], &["capture.sway=false"]].concat();
+    let (code, report) = check(&world, &folder, &as_they_are);
     assert_eq!(code, Some(1), "{report}");
     let around = |frame: &str| {
         let steps = report["steps"].as_array().unwrap();
@@ -392,6 +390,68 @@ fn frames_of_a_rail_that_lie_shifted_are_told() {
         around("1") < 0.1 && (around("3") - 2.56).abs() < 0.3,
         "{report}"
     );
+    // By itself it is found out and made good.
+    let (code, report) = check(&world, &folder, &rail);
+    assert_eq!(code, Some(0), "{report}");
+}
+
+#[test]
+fn what_is_left_to_correct_on_a_rig_is_written_as_a_calibration_and_then_nothing_is_left() {
+    let world = World::new();
+    let mut cameras = [straight(0), straight(1), straight(2)];
+    cameras[0].centre[1] += 0.5;
+    cameras[1].centre[0] -= 0.6;
+    cameras[2].turn = glam::DMat3::from_rotation_z(0.1f64.to_radians());
+    let folder = scene(&world, "scene", &cameras);
+    let source = folder.to_string_lossy();
+    let file = world.path("left.yaml");
+    let output = file.to_string_lossy();
+    let write = ["check-geometry", &source, "--json", "-o", &output];
+    let report = world.run(&write).done().json();
+    let left =
+        |report: &Value, view: usize, key: &str| report["residual"][view][key].as_f64().unwrap();
+    let turned = left(&report, 2, "turn_degrees") - left(&report, 1, "turn_degrees");
+    assert!((turned - 0.1).abs() < 0.01, "{report}");
+    let lower = left(&report, 0, "down_px") - left(&report, 1, "down_px");
+    assert!((lower - 0.5).abs() < 0.03, "{report}");
+    // What is there is not lost by mistake.
+    let text = fs::read_to_string(&file).unwrap();
+    let ran = world.run(&write);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(
+        ran.err.contains("exists; give another name, or --force"),
+        "{ran:?}"
+    );
+    let forced = [&write[..], &["--force"]].concat();
+    world.run(&forced).done();
+    assert_eq!(fs::read_to_string(&file).unwrap(), text);
+    let set = format!("capture.calibration={output}");
+    let (code, report) = check(&world, &folder, &[&set]);
+    assert_eq!(
+        (code, &report["verdict"]),
+        (Some(0), &Value::from("works")),
+        "{report}"
+    );
+    for view in 0..3 {
+        for key in ["right_px", "down_px", "turn_degrees"] {
+            assert!(left(&report, view, key).abs() < 0.03, "{key}: {report}");
+        }
+    }
+    let refused = [&write[..], &["--force", "--set", &set]].concat();
+    for (set, said) in [
+        (refused, "leave capture.calibration away"),
+        (
+            [&write[..], &["--force", "--set", "capture.mode=rail"]].concat(),
+            "--output is of a rig",
+        ),
+    ] {
+        let ran = world.run(&set);
+        assert_eq!(ran.code, Some(2), "{ran:?}");
+        assert!(
+            ran.err.contains(said) && ran.err.lines().count() == 1,
+            "{ran:?}"
+        );
+    }
 }
 
 /// Pictures of a board that was held before the cameras: a folder a camera.

@@ -84,22 +84,23 @@ fn check_outputs(args: &Args) -> Result<(), Failure> {
             "--output and --picture name one file, and each needs its own",
         ));
     }
-    let wanted = std::iter::once(&args.output).chain(&args.picture);
-    for path in wanted.filter(|path| *path != Path::new("-")) {
-        let parent = path.parent().filter(|parent| *parent != Path::new(""));
-        let why = match () {
-            () if path.is_dir() => "cannot be written: it is a folder",
-            () if parent.is_some_and(|parent| !parent.is_dir()) => {
-                "cannot be written: its folder is not there"
-            }
-            () if path.exists() && !args.force => {
-                "exists; give another name, or --force to replace it"
-            }
-            () => continue,
-        };
-        return Err(Failure::usage(format!("{} {why}", path.display())));
-    }
-    Ok(())
+    let mut wanted = std::iter::once(&args.output).chain(&args.picture);
+    wanted.try_for_each(|path| check_output(path, args.force))
+}
+
+/// Whether a file can be written.
+pub(super) fn check_output(path: &Path, force: bool) -> Result<(), Failure> {
+    let parent = path.parent().filter(|parent| *parent != Path::new(""));
+    let why = match () {
+        () if path == Path::new("-") => return Ok(()),
+        () if path.is_dir() => "cannot be written: it is a folder",
+        () if parent.is_some_and(|parent| !parent.is_dir()) => {
+            "cannot be written: its folder is not there"
+        }
+        () if path.exists() && !force => "exists; give another name, or --force to replace it",
+        () => return Ok(()),
+    };
+    Err(Failure::usage(format!("{} {why}", path.display())))
 }
 
 /// Says how the images were understood.
@@ -144,7 +145,7 @@ fn failure(error: SourceError) -> Failure {
     }
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
+pub(super) fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let written = record::whole(path, |file| {
         file.write_all(text.as_bytes())
             .map_err(|source| record::ExportError::Io {

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::path::Path;
 
-use capture::Source;
-use capture::alignment::{Followed, Ready, Rows, Steps, rows, steps};
-use messages::{Edge, Image, Owned, Rail};
+use capture::alignment::{Followed, Ready, Rows, Sighted, Steps, residual, rows, steps};
+use capture::{Mode, Source};
+use messages::{Calibration, Edge, Image, Owned, Rail, Sway};
 use serde::Serialize;
 use serde_json::json;
 
@@ -35,6 +36,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let graph = Graph::load(None, args.profile, &overrides)?;
     let capture: capture::Settings = settings(&graph, "capture")?;
+    if let Some(output) = &args.output {
+        check_output(args, output, &capture)?;
+    }
     let mut source = Source::open(&capture).map_err(|error| match error.is_wrong_use() {
         true => Failure::usage(error),
         false => Failure::failed(error),
@@ -44,15 +48,80 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             crate::say!("{notice}");
         }
     }
-    let report = Report::of(&measured(&graph, &mut source)?);
+    let measured = measured(&graph, &mut source)?;
+    let report = Report::of(&measured);
+    let on_output = args.output.as_deref() == Some(Path::new("-"));
     match args.json {
         true => super::print_json(&report)?,
+        // Nothing else where the file itself goes.
+        false if on_output => crate::say!("{}", report.text().trim_end()),
         false => super::print(&report.text())?,
+    }
+    if let Some(output) = &args.output {
+        write(output, &measured, &report, &source)?;
+        if !args.json && !on_output {
+            let file = output.display();
+            crate::say!(
+                "{file}: tricurve run --source {} --set capture.calibration={file}",
+                args.source
+            );
+        }
     }
     Ok(match report.verdict {
         Verdict::Works | Verdict::CoversLess => Outcome::Done,
         Verdict::Reversed | Verdict::RectifyFirst | Verdict::Unknown => Outcome::Failed,
     })
+}
+
+/// Whether what is left to correct can be written, before anything is worked out.
+fn check_output(args: &Args, output: &Path, capture: &capture::Settings) -> Result<(), Failure> {
+    if capture.mode == Mode::Rail {
+        return Err(Failure::usage(
+            "--output is of a rig: along a rail by how much each frame is off is made good by itself (capture.sway)",
+        ));
+    }
+    if capture.calibration.is_some() {
+        return Err(Failure::usage(
+            "--output is of views as they are read, and these are rectified: leave capture.calibration away, or give it the rectified images",
+        ));
+    }
+    if args.json && output == Path::new("-") {
+        return Err(Failure::usage(
+            "the calibration and the JSON cannot both go to standard output: give --output a file",
+        ));
+    }
+    super::calibrate::check_output(output, args.force)
+}
+
+/// Writes what is left to correct in each view.
+fn write(
+    output: &Path,
+    measured: &Measured,
+    report: &Report,
+    source: &Source,
+) -> Result<(), Failure> {
+    let Some(residual) = &measured.residual else {
+        return Err(Failure::failed(
+            "nothing is written: too few points could be followed to say what is left to correct",
+        ));
+    };
+    let size = source.size();
+    let known = source.calibration();
+    let camera = known.unwrap_or(Calibration::assumed(size));
+    let mut remarks = vec![format!(
+        "tricurve {}: what is left to correct in each view, from {} points",
+        env!("CARGO_PKG_VERSION"),
+        report.pairs.iter().map(|pair| pair.points).sum::<usize>()
+    )];
+    if known.is_none_or(|known| !known.calibrated) {
+        remarks.push(format!(
+            "focal length ({} px) and baseline ({} m) are assumed: depths are in arbitrary units",
+            camera.focal_px, camera.baseline_m
+        ));
+    }
+    let names: Vec<String> = source.views(0).into_iter().map(|view| view.name).collect();
+    let text = capture::of_residual(residual, &camera, size, &names, &remarks);
+    super::calibrate::write(output, &text)
 }
 
 /// One of the images that stand in a row.
@@ -121,6 +190,10 @@ struct Measured {
     inner: Vec<(String, Vec<[f64; 2]>)>,
     asked: usize,
     is_rail: bool,
+    /// By how much each view of a rig is off.
+    residual: Option<Vec<Sway>>,
+    /// The views' numbers.
+    numbers: Vec<u32>,
 }
 
 /// What goes by a name, which may be new.
@@ -141,6 +214,7 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
         is_rail: rail.is_some(),
         ..Measured::default()
     };
+    let mut sighted: Vec<Sighted> = Vec::new();
     for row in rows_of(source) {
         // As they are asked for with --views.
         let numbers: Vec<u32> = source
@@ -166,6 +240,12 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
             let points = chosen(&curve_points(graph, &images[view])?);
             measured.asked += points.len();
             let mut both = vec![[None; 2]; points.len()];
+            let from = sighted.len();
+            sighted.extend(points.iter().map(|at| Sighted {
+                from: view,
+                at: [at[0] - middle[0], at[1] - middle[1]],
+                seen: Vec::new(),
+            }));
             for (side, other) in [view - 1, view + 1].into_iter().enumerate() {
                 let step = row[other].place - row[view].place;
                 let between = match rail {
@@ -178,10 +258,12 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
                 };
                 let pair = named(&mut measured.pairs, between);
                 let found = followed(&ready[view], &ready[other], &points);
-                for ((at, found), both) in points.iter().zip(found).zip(&mut both) {
+                let all = points.iter().zip(found).zip(&mut both);
+                for (((at, found), both), sighted) in all.zip(&mut sighted[from..]) {
                     let Some(moved) = found else {
                         continue;
                     };
+                    sighted.seen.push((other, moved));
                     // As it is matched: with what sways made good.
                     let off = |stand: usize, [x, y]: [f64; 2]| {
                         source.sway(row[stand].scan).off(size, x, y)
@@ -206,6 +288,14 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
                     .filter_map(|[left, right]| Some([left?, right?])),
             );
         }
+    }
+    // Views of one size are of the same cameras.
+    let size = source.size();
+    let is_one_size = (0..source.scenes()).all(|scan| source.size_of(scan) == size);
+    if rail.is_none() && is_one_size {
+        measured.residual = residual(size, source.view_count(), &sighted);
+        let views = source.views(0).into_iter();
+        measured.numbers = views.map(|view| view.number).collect();
     }
     Ok(measured)
 }
@@ -276,10 +366,23 @@ struct Report {
     asked: usize,
     pairs: Vec<Pair>,
     steps: Vec<Inner>,
+    /// Of a rig, by how much each view is off beside the mean of all.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    residual: Vec<Residual>,
     /// Nearly the least and nearly the greatest disparity, in pixels a step.
     disparities_px: Option<[f64; 2]>,
     #[serde(skip)]
     is_rail: bool,
+}
+
+/// By how much a view is off.
+#[derive(Debug, Serialize)]
+struct Residual {
+    view: u32,
+    right_px: f64,
+    down_px: f64,
+    turn_degrees: f64,
+    scale_percent: f64,
 }
 
 /// Rows between a view and the next.
@@ -334,12 +437,25 @@ impl Report {
                 miss_px: steps.map(|steps| steps.miss_px),
             }
         });
+        let sways = measured.residual.iter().flatten();
+        let residual = measured
+            .numbers
+            .iter()
+            .zip(sways)
+            .map(|(view, sway)| Residual {
+                view: *view,
+                right_px: sway.right_px,
+                down_px: sway.down_px,
+                turn_degrees: sway.turn.to_degrees(),
+                scale_percent: sway.scale * 100.0,
+            });
         let mut report = Self {
             verdict: Verdict::Unknown,
             says: String::new(),
             asked: measured.asked,
             pairs: pairs.collect(),
             steps: inner.collect(),
+            residual: residual.collect(),
             disparities_px: disparities(measured),
             is_rail: measured.is_rail,
         };
@@ -463,6 +579,21 @@ impl Report {
                 &number(inner.median_px, 3),
                 &number(inner.p95_px, 3),
                 &number(inner.miss_px, 3),
+                "",
+            ]);
+        }
+        if !self.residual.is_empty() {
+            line(["left over", "right", "down", "turn", "scale", "", "", ""]);
+        }
+        for view in &self.residual {
+            line([
+                &format!("view {}", view.view),
+                &number(Some(view.right_px), 3),
+                &number(Some(view.down_px), 3),
+                &(number(Some(view.turn_degrees), 3) + "°"),
+                &(number(Some(view.scale_percent), 3) + "%"),
+                "",
+                "",
                 "",
             ]);
         }

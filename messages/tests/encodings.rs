@@ -10,7 +10,7 @@ use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Said, Shown,
 use messages::{
     AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Evaluation,
     Growing, Header, Image, Kind, List, Map, Match, Matches, NONE, Owned, Points, Rail, Raw,
-    Reason, Rejected, Rig, Size, Table, Tables, Topic, Truth,
+    Reason, Rejected, Rig, Size, Sway, Table, Tables, Topic, Truth,
 };
 
 /// Numbers that look random and never change.
@@ -1151,8 +1151,31 @@ fn where_a_camera_stood_along_its_rail_is_read_from_the_transforms() {
     let codec = Codec::new(rail, 0);
     for position in [0.0, -1.25, 0.1 + 0.2, 1e9] {
         let mut bytes = Vec::new();
-        codec.transforms(NANOS, Size::new(40, 30), position, &sway, &mut bytes);
+        codec.transforms(NANOS, Size::new(40, 30), position, &Sway::NONE, &mut bytes);
         assert_eq!(codec.position_in(&bytes), Some(position));
         assert!(codec.position_in(&bytes[..bytes.len() / 3]).is_none());
     }
+}
+
+#[test]
+fn by_how_much_a_frame_is_off_is_read_from_the_transforms_and_a_steady_one_leaves_no_trace() {
+    let size = Size::new(40, 30);
+    let codec = Codec::new(Rig::of_rail(Rail::default(), &[1.5], size), 0);
+    let of = |sway: &Sway| {
+        let mut bytes = Vec::new();
+        codec.transforms(NANOS, size, 0.25, sway, &mut bytes);
+        bytes
+    };
+    let sway = Sway {
+        right_px: 0.1 + 0.2,
+        down_px: -1e-9,
+        turn: 0.001,
+        scale: -0.0,
+    };
+    let (swaying, steady) = (of(&sway), of(&Sway::NONE));
+    assert_eq!(codec.sway_in(&swaying), sway);
+    assert_eq!(codec.position_in(&swaying), Some(0.25));
+    assert_eq!(codec.sway_in(&steady), Sway::NONE);
+    // What is said of the sway stands behind what readers of transforms know.
+    assert!(swaying.starts_with(&steady) && swaying.len() > steady.len());
 }

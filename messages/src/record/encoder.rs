@@ -159,7 +159,9 @@ impl Encoder {
             }
             match &channel.content {
                 Content::Transforms => {
-                    sink.add(index, |out| codec.transforms(nanos, size, position_m, &sway, out));
+                    sink.add(index, |out| {
+                        codec.transforms(nanos, size, position_m, &sway, out)
+                    });
                 }
                 Content::Calibration(view) => {
                     sink.add(index, |out| {

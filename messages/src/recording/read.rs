@@ -181,7 +181,8 @@ impl Scan {
             return Ok(header);
         }
         let transforms = self.message(TRANSFORMS);
-        let said = transforms.and_then(|said| Some((codec.position_in(said)?, codec.sway_in(said))));
+        let said =
+            transforms.and_then(|said| Some((codec.position_in(said)?, codec.sway_in(said))));
         let (position_m, sway) = said.ok_or_else(|| ReadError::NoMessage {
             scan: self.sequence,
             topic: TRANSFORMS.to_owned(),

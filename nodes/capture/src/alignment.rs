@@ -11,6 +11,8 @@
 
 use messages::Size;
 
+pub use crate::sway::{Sighted, residual};
+
 /// Each level of a pyramid halves the one below.
 const LEVELS: usize = 3;
 /// Pixels from the middle to the edge of what is compared, on any level.

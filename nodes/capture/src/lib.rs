@@ -39,7 +39,7 @@ mod sway;
 pub mod synchronise;
 mod truth;
 
-pub use calibration::{Camera, Lens};
+pub use calibration::{Camera, Lens, of_residual};
 pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
 pub use rectify::Map;
 pub use settings::{Mode, Settings, Views};

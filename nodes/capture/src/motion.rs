@@ -89,7 +89,10 @@ impl Block {
         }
         let (mut gray, mut slopes) = (Vec::with_capacity(AREA), [const { Vec::new() }; 2]);
         for row in y..y + BLOCK {
-            let (above, below) = (picture.row(x, row - 1, BLOCK), picture.row(x, row + 1, BLOCK));
+            let (above, below) = (
+                picture.row(x, row - 1, BLOCK),
+                picture.row(x, row + 1, BLOCK),
+            );
             let own = picture.row(x - 1, row, BLOCK + 2);
             gray.extend(own[1..=BLOCK].iter().map(|&v| i16::from(v)));
             let half = |a: u8, b: u8| (f32::from(b) - f32::from(a)) / 2.0;
@@ -156,10 +159,15 @@ impl Block {
     /// Its place between pixels, from a whole one; `None` where it strays or is not alike. Gives how far it went.
     fn placed(&self, other: &Picture<'_>, start: [f32; 2]) -> Option<[f32; 2]> {
         let mut at = start;
-        let last = [other.size.width, other.size.height].map(|side| (side as usize - BLOCK - 1) as f32);
+        let last =
+            [other.size.width, other.size.height].map(|side| (side as usize - BLOCK - 1) as f32);
         let mut seen = [0.0f32; AREA];
         for _ in 0..STEPS {
-            if at.iter().zip(last).any(|(at, last)| *at < 0.0 || *at >= last) {
+            if at
+                .iter()
+                .zip(last)
+                .any(|(at, last)| *at < 0.0 || *at >= last)
+            {
                 return None;
             }
             let (column, row) = (at[0] as usize, at[1] as usize);

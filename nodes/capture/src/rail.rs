@@ -177,9 +177,9 @@ impl Rail {
         }
         let baseline = nominal * stride as f64;
         let level = |drift: f64| if drift.abs() < LEVEL_PX { 0.0 } else { drift };
-        let mut drift_px = settings.drift.unwrap_or_else(|| {
-            level(far.map_or(0.0, |far| f64::from(far.drift) * baseline))
-        });
+        let mut drift_px = settings
+            .drift
+            .unwrap_or_else(|| level(far.map_or(0.0, |far| f64::from(far.drift) * baseline)));
         let is_in_reach = settings.sway == Some(true) || frames <= most;
         let sway = match path.sway {
             _ if settings.sway == Some(false) => None,

@@ -23,7 +23,7 @@ use crate::motion::{Block, Costs, MIDDLE, Picture, SPACING, corners, quantile};
 /// estimate itself is off by less than half of that, and matching does not mind.
 const STEADY_PX: f64 = 0.07;
 /// Blocks across a picture, at most.
-const ACROSS: usize = 16;
+const ACROSS: usize = 12;
 /// Rows up and down in which a block is looked for.
 const ROWS: i32 = 3;
 /// Columns about where a block is expected.
@@ -78,20 +78,42 @@ impl Looked<'_> {
     }
 }
 
-/// A block that was followed from a frame into later ones.
-#[derive(Clone, Debug)]
-struct Followed {
-    from: usize,
-    /// Its middle, from the middle of the picture.
-    at: [f64; 2],
-    /// Into which frames, and how far it went.
-    seen: Vec<(usize, [f64; 2])>,
+/// A point that was followed from a frame or view into others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sighted {
+    /// From which.
+    pub from: usize,
+    /// Its column and row there, from the middle of the picture.
+    pub at: [f64; 2],
+    /// Into which others, and by how many columns and rows further it was seen there.
+    pub seen: Vec<(usize, [f64; 2])>,
+}
+
+/// By how much each of a rig's views, a baseline apart, is off beside the mean of all; `None` where too little was followed.
+///
+/// Beside what a place further to the right explains columns can be off only by what is not in proportion to it.
+pub fn residual(size: Size, views: usize, followed: &[Sighted]) -> Option<Vec<Sway>> {
+    let positions: Vec<f64> = (0..views).map(|view| view as f64).collect();
+    let looked = Looked {
+        size,
+        positions: &positions,
+        stride: 1,
+        drift: 0.0,
+    };
+    let is_seen = |view: usize| {
+        let sees = |sighted: &&Sighted| {
+            sighted.from == view || sighted.seen.iter().any(|(other, _)| *other == view)
+        };
+        followed.iter().filter(sees).count() >= ENOUGH
+    };
+    // Of two views that an inner one is seen in, each may lie two further than the other.
+    (views >= 3 && (0..views).all(is_seen)).then(|| solved(&looked, followed, 2))
 }
 
 /// A frame whose blocks are looked for in later ones.
 struct Base {
     frame: usize,
-    blocks: Vec<(Block, Followed)>,
+    blocks: Vec<(Block, Sighted)>,
 }
 
 /// Looks at all frames; `pixels` gives one of them. `None` where they do not tell.
@@ -111,7 +133,7 @@ pub(crate) fn found(
 fn follow(
     looked: &Looked<'_>,
     pixels: &mut impl FnMut(usize) -> Result<Vec<u8>, SourceError>,
-) -> Result<Vec<Followed>, SourceError> {
+) -> Result<Vec<Sighted>, SourceError> {
     let Looked { size, .. } = *looked;
     let gaps = looked.gaps();
     let longest = gaps.iter().copied().max().unwrap_or_default();
@@ -144,7 +166,9 @@ fn follow(
                     paces.push(moved[0] / way as f32);
                 }
             }
-            if frame - base.frame == 1 && paces.len() >= ENOUGH && paces.iter().all(|p| p.is_finite())
+            if frame - base.frame == 1
+                && paces.len() >= ENOUGH
+                && paces.iter().all(|p| p.is_finite())
             {
                 let ends = [0.02, 0.98].map(|share| quantile(paces.clone(), share));
                 if let [Some(least), Some(most)] = ends {
@@ -152,12 +176,15 @@ fn follow(
                 }
             }
         }
-        while bases.front().is_some_and(|base| frame - base.frame >= longest) {
+        while bases
+            .front()
+            .is_some_and(|base| frame - base.frame >= longest)
+        {
             all.extend(bases.pop_front());
         }
         let blocks = corners(size, spacing).filter_map(|(x, y)| {
             let block = Block::of(&picture, x, y)?;
-            let followed = Followed {
+            let followed = Sighted {
                 from: frame,
                 at: [x as f64 + MIDDLE - middle[0], y as f64 + MIDDLE - middle[1]],
                 seen: Vec::new(),
@@ -178,12 +205,15 @@ fn follow(
 /// The columns in which a block is looked for in a frame.
 fn expected(
     looked: &Looked<'_>,
-    followed: &Followed,
+    followed: &Sighted,
     frame: usize,
     pace: Option<[f32; 2]>,
 ) -> std::ops::RangeInclusive<i32> {
     let way = looked.way(followed.from, frame);
-    let last = followed.seen.last().map(|&(to, moved)| (looked.way(followed.from, to), moved));
+    let last = followed
+        .seen
+        .last()
+        .map(|&(to, moved)| (looked.way(followed.from, to), moved));
     if let Some((before, moved)) = last.filter(|(before, _)| *before != 0.0) {
         let longer = way / before;
         let column = (moved[0] * longer).round() as i32;
@@ -200,12 +230,40 @@ fn expected(
 }
 
 /// The sway of all frames from what was followed.
-fn solve(looked: &Looked<'_>, followed: &[Followed]) -> Found {
-    let frames = looked.positions.len();
-    let Size { width, height } = looked.size;
-    // What turn and scale move in the picture, root mean square, so that all unknowns are pixels.
-    let arm = ((f64::from(width).powi(2) + f64::from(height).powi(2)) / 12.0).sqrt();
+fn solve(looked: &Looked<'_>, followed: &[Sighted]) -> Found {
     let reach = looked.gaps().into_iter().max().unwrap_or_default();
+    let mut sway = solved(looked, followed, reach);
+    let trend = |of: fn(&Sway) -> f64| {
+        let values: Vec<f64> = sway.iter().map(of).collect();
+        line(looked.positions, &values)
+    };
+    let (right, down) = (trend(|sway| sway.right_px), trend(|sway| sway.down_px));
+    for (sway, place) in sway.iter_mut().zip(looked.positions) {
+        sway.right_px -= right[0] + right[1] * place;
+        sway.down_px -= down[0] + down[1] * place;
+    }
+    let px = size_px(&sway, arm(looked.size), looked.stride);
+    if px < STEADY_PX {
+        sway.clear();
+    }
+    Found {
+        sway,
+        px,
+        drift: down[1],
+    }
+}
+
+/// Pixels that a turn by one moves the picture, root mean square.
+fn arm(size: Size) -> f64 {
+    let Size { width, height } = size;
+    ((f64::from(width).powi(2) + f64::from(height).powi(2)) / 12.0).sqrt()
+}
+
+/// By how much each frame or view is off, where what was followed binds only those so near each other.
+fn solved(looked: &Looked<'_>, followed: &[Sighted], reach: usize) -> Vec<Sway> {
+    let frames = looked.positions.len();
+    // So that all unknowns are pixels.
+    let arm = arm(looked.size);
     let by_rows = rows(looked, followed, arm, frames, reach);
     let mut sway: Vec<Sway> = by_rows
         .as_chunks::<3>()
@@ -222,24 +280,7 @@ fn solve(looked: &Looked<'_>, followed: &[Followed]) -> Found {
     for (sway, right) in sway.iter_mut().zip(by_columns) {
         sway.right_px = right;
     }
-    let trend = |of: fn(&Sway) -> f64| {
-        let values: Vec<f64> = sway.iter().map(of).collect();
-        line(looked.positions, &values)
-    };
-    let (right, down) = (trend(|sway| sway.right_px), trend(|sway| sway.down_px));
-    for (sway, place) in sway.iter_mut().zip(looked.positions) {
-        sway.right_px -= right[0] + right[1] * place;
-        sway.down_px -= down[0] + down[1] * place;
-    }
-    let px = size_px(&sway, arm, looked.stride);
-    if px < STEADY_PX {
-        sway.clear();
-    }
-    Found {
-        sway,
-        px,
-        drift: down[1],
-    }
+    sway
 }
 
 /// By how much frames are off from the mean of those a stride before and after, as of frames that are off independently of
@@ -284,7 +325,7 @@ fn line(places: &[f64], values: &[f64]) -> [f64; 2] {
 /// turned against its rail, and is left to the drift.
 fn rows(
     looked: &Looked<'_>,
-    followed: &[Followed],
+    followed: &[Sighted],
     arm: f64,
     frames: usize,
     reach: usize,
@@ -320,13 +361,9 @@ fn rows(
                 continue;
             }
             let factor = |(i, factor): (usize, &f64)| {
-                [
-                    (UNKNOWNS * from + i, -factor),
-                    (UNKNOWNS * to + i, *factor),
-                ]
+                [(UNKNOWNS * from + i, -factor), (UNKNOWNS * to + i, *factor)]
             };
-            let terms: Vec<(usize, f64)> =
-                factors.iter().enumerate().flat_map(factor).collect();
+            let terms: Vec<(usize, f64)> = factors.iter().enumerate().flat_map(factor).collect();
             band.add(&terms, *rows, weight);
         }
         known = band.solved();
@@ -335,7 +372,7 @@ fn rows(
 }
 
 /// Right of every frame, in pixels, from the columns of what was followed into two or more, once turn and scale are known.
-fn columns(looked: &Looked<'_>, followed: &[Followed], sway: &[Sway], reach: usize) -> Vec<f64> {
+fn columns(looked: &Looked<'_>, followed: &[Sighted], sway: &[Sway], reach: usize) -> Vec<f64> {
     let frames = sway.len();
     // Of every block the ways of the camera, and the columns it went.
     let blocks = followed.iter().filter(|block| block.seen.len() > 1);
@@ -344,8 +381,8 @@ fn columns(looked: &Looked<'_>, followed: &[Followed], sway: &[Sway], reach: usi
         let seen = block.seen.iter().map(|&(to, moved)| {
             let there = &sway[to];
             let halfway = [0, 1].map(|k| block.at[k] + moved[k] / 2.0);
-            let known = (there.scale - own.scale) * halfway[0]
-                - (there.turn - own.turn) * halfway[1];
+            let known =
+                (there.scale - own.scale) * halfway[0] - (there.turn - own.turn) * halfway[1];
             (to, looked.way(block.from, to), moved[0] - known)
         });
         (block.from, seen.collect::<Vec<_>>())
@@ -355,8 +392,15 @@ fn columns(looked: &Looked<'_>, followed: &[Followed], sway: &[Sway], reach: usi
     let rid = |ways: &[(usize, f64, f64)], columns: &[f64]| -> Vec<f64> {
         let squares: f64 = ways.iter().map(|(_, way, _)| way * way).sum();
         let product: f64 = ways.iter().zip(columns).map(|((_, w, _), c)| w * c).sum();
-        let pace = if squares > 0.0 { product / squares } else { 0.0 };
-        let rest = ways.iter().zip(columns).map(|((_, way, _), c)| c - pace * way);
+        let pace = if squares > 0.0 {
+            product / squares
+        } else {
+            0.0
+        };
+        let rest = ways
+            .iter()
+            .zip(columns)
+            .map(|((_, way, _), c)| c - pace * way);
         rest.collect()
     };
     let miss = |known: &[f64]| -> Vec<f64> {

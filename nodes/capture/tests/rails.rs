@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 use capture::{Mode, Settings, Source, Views};
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma};
+use messages::{Size, Sway};
 use tempfile::TempDir;
 use texture::wave;
 
@@ -104,7 +105,8 @@ fn a_camera_that_moves_to_the_left_has_its_drift_to_the_right() {
             drift: Some(rail.drift_px),
             ..settings
         };
-        let again = Source::open_at(&settled, source.places().unwrap(), source.sways().unwrap()).unwrap();
+        let again =
+            Source::open_at(&settled, source.places().unwrap(), source.sways().unwrap()).unwrap();
         assert_eq!(again.rail(), Some(rail));
         for frame in 0..12 {
             assert_eq!(again.position_m(frame), source.position_m(frame));
@@ -254,4 +256,125 @@ fn the_truth_of_one_step_is_that_of_as_many_as_a_baseline_has() {
         let truth = source.truth(frame, 0).unwrap().unwrap();
         assert_eq!(truth.disparity[0], expected);
     }
+}
+
+/// What a camera sees that is off by this: turned and scaled about the middle of the picture, and moved.
+fn swayed(place: f64, sway: &Sway, gain: f64) -> GrayImage {
+    let size = Size::new(WIDTH, HEIGHT);
+    GrayImage::from_fn(WIDTH, HEIGHT, |x, y| {
+        // Where what is seen here belongs, by a few rounds.
+        let (x, y) = (f64::from(x), f64::from(y));
+        let mut at = [x, y];
+        for _ in 0..4 {
+            let [right, down] = sway.off(size, at[0], at[1]);
+            at = [x - right, y - down];
+        }
+        let level = wave(at[0] + place * disparity(at[1]), at[1]);
+        Luma([(f64::from(level) * gain).round().min(255.0) as u8])
+    })
+}
+
+/// A sway of every frame that looks random and never changes.
+fn sways(frames: usize, px: f64) -> Vec<Sway> {
+    let mut state = 9u32;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) / f64::from(1 << 24) * 2.0 - 1.0
+    };
+    let mut sway = || Sway {
+        right_px: px * random(),
+        down_px: px * random(),
+        turn: px * 0.002 * random(),
+        scale: px * 0.002 * random(),
+    };
+    (0..frames).map(|_| sway()).collect()
+}
+
+/// Values without what grows evenly, which no image tells from places and drift.
+fn without_trend(values: &[f64]) -> Vec<f64> {
+    let n = values.len() as f64;
+    let (middle, mean) = ((n - 1.0) / 2.0, values.iter().sum::<f64>() / n);
+    let from_middle = |index: usize| index as f64 - middle;
+    let (mut product, mut spread) = (0.0, 0.0);
+    for (index, value) in values.iter().enumerate() {
+        product += from_middle(index) * (value - mean);
+        spread += from_middle(index) * from_middle(index);
+    }
+    let slope = product / spread;
+    let rest = values.iter().enumerate();
+    rest.map(|(index, value)| value - mean - slope * from_middle(index))
+        .collect()
+}
+
+#[test]
+fn by_how_much_each_frame_is_off_is_found_to_a_twentieth_of_a_pixel_though_the_exposure_flickers() {
+    let truth = sways(24, 0.7);
+    for (stride, flicker) in [(1, 0.0), (2, 0.2)] {
+        let frames = Frames::of(truth.iter().enumerate().map(|(frame, sway)| {
+            let gain = [1.0, 1.0 - flicker, 1.0 + flicker][frame % 3];
+            swayed(frame as f64, sway, 0.8 * gain)
+        }));
+        let positions: Vec<f64> = (0..24).map(|frame| 0.01 * f64::from(frame)).collect();
+        let settings = Settings {
+            stride: Some(stride),
+            ..frames.encoded(&positions)
+        };
+        let source = Source::open(&settings).unwrap();
+        let found = source.sways().unwrap();
+        let said = source.notices().join("; ");
+        assert!(said.contains("the rail sways by 0."), "{said}");
+        // What a turn moves at the edge of the picture, in pixels.
+        let parts: [(&str, f64, fn(&Sway) -> f64); 4] = [
+            ("right", 1.0, |sway| sway.right_px),
+            ("down", 1.0, |sway| sway.down_px),
+            ("turn", 100.0, |sway| sway.turn),
+            ("scale", 100.0, |sway| sway.scale),
+        ];
+        for (what, px, part) in parts {
+            let of = |all: &[Sway]| without_trend(&all.iter().map(part).collect::<Vec<_>>());
+            for (frame, (found, truth)) in of(found).iter().zip(of(&truth)).enumerate() {
+                let off = (found - truth) * px;
+                assert!(
+                    off.abs() < 0.05,
+                    "stride {stride}: {what} of frame {frame} by {off} px"
+                );
+            }
+        }
+        // Who knows it need not look again.
+        let again = Source::open_at(&settings, &[], found).unwrap();
+        assert_eq!(again.sways(), Some(found));
+        let off = Settings {
+            sway: Some(false),
+            ..settings
+        };
+        let off = Source::open(&off).unwrap();
+        assert!((0..24).all(|scan| off.sway(scan).is_none()));
+    }
+}
+
+#[test]
+fn a_steady_rail_sways_by_nothing_at_all() {
+    let truth = sways(16, 0.03);
+    let frames = truth.iter().enumerate();
+    let frames = Frames::of(frames.map(|(frame, sway)| swayed(frame as f64, sway, 1.0)));
+    let source = Source::open(&frames.settings()).unwrap();
+    assert_eq!(source.sways(), Some(&[Sway::NONE; 16][..]));
+    let said = source.notices().join("; ");
+    assert!(!said.contains("sways"), "{said}");
+}
+
+#[test]
+fn sway_is_refused_where_no_frames_can_be_looked_at_beforehand() {
+    let frames = Frames::of((0..4).map(|frame| seen(f64::from(frame), 0.0)));
+    let rig = Settings {
+        mode: Mode::Rig,
+        sway: Some(true),
+        ..frames.settings()
+    };
+    let error = Source::open(&rig).unwrap_err();
+    assert!(error.is_wrong_use());
+    assert!(
+        error.to_string().contains("leave it away of a rig"),
+        "{error}"
+    );
 }

@@ -2,7 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "tests")]
 
 use map::{Fusion, Place, Settings};
-use messages::{Calibration, Growing, Map, MapPoint, Owned, Point, Size};
+use messages::{Calibration, Growing, Map, MapPoint, Owned, Point, Size, Sway};
 
 const SIZE: Size = Size::new(320, 40);
 
@@ -75,7 +75,7 @@ fn place(position_m: f64) -> Place {
         camera: CAMERA,
         drift_px: 0.0,
         sway: Sway::NONE,
-        size: Size::new(640, 480),
+        size: SIZE,
     }
 }
 
@@ -102,7 +102,6 @@ fn fused_of(
     for (position, points) in frames {
         let place = Place {
             drift_px,
-            ..place(0.0)
             ..place(*position)
         };
         map.fill(|map| {

@@ -30,8 +30,7 @@ mod vote;
 mod windows;
 
 use messages::{
-    Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, Sway,
-    TablesView,
+    Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, Sway, TablesView,
 };
 
 pub use messages::Reference;

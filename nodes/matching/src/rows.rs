@@ -47,13 +47,7 @@ pub(crate) struct Rows {
 impl Rows {
     /// Takes in the points of a view whose picture lies `lower` rows lower than the reference view's and is off by so much
     /// beside it, so that rows and columns are those of the reference view.
-    pub(crate) fn fill(
-        &mut self,
-        view: &ChannelView<'_>,
-        size: Size,
-        lower: f32,
-        sway: &Sway,
-    ) {
+    pub(crate) fn fill(&mut self, view: &ChannelView<'_>, size: Size, lower: f32, sway: &Sway) {
         let points = view.curves.points;
         self.curve_of.clear();
         self.curve_of.resize(points.len(), NONE);
@@ -108,16 +102,10 @@ impl Rows {
 
     /// Adds the points that a row of the reference view shows of a view that is off: of every contour the one nearest to
     /// where the row is seen there, moved along it.
-    fn put_right(
-        &mut self,
-        view: &ChannelView<'_>,
-        size: Size,
-        row: i64,
-        lower: f32,
-        sway: &Sway,
-    ) {
+    fn put_right(&mut self, view: &ChannelView<'_>, size: Size, row: i64, lower: f32, sway: &Sway) {
         // Where the row is seen at a column.
-        let seen_at = |column: f64| row as f64 + f64::from(lower) + sway.off(size, column, row as f64)[1];
+        let seen_at =
+            |column: f64| row as f64 + f64::from(lower) + sway.off(size, column, row as f64)[1];
         let ends = [0.0, f64::from(size.width)].map(seen_at);
         let (least, most) = (ends[0].min(ends[1]).round(), ends[0].max(ends[1]).round());
         for own in least as i64..=most as i64 {

@@ -1,6 +1,9 @@
 //! Kalibr's camchain: cam0, cam1, … each with `T_cn_cnm1`, which maps points of the camera before it to its own frame.
 
+use std::fmt::Write as _;
+
 use glam::{DMat3, DVec3};
+use messages::{Calibration, Size, Sway};
 use serde_json::Value;
 
 use super::{Camera, Lens, Mount, Mounted, Why, numbers, numbers_of, rotation, size};
@@ -35,6 +38,53 @@ pub(super) fn cameras(chain: &Value) -> Result<Vec<Mounted>, Why> {
         });
     }
     Ok(mounted)
+}
+
+/// A camchain of the views of a rig that are rectified but for what each is still off, as [`Sway`] says; remarks stand first.
+pub fn of_residual(
+    sway: &[Sway],
+    camera: &Calibration,
+    size: Size,
+    names: &[String],
+    remarks: &[String],
+) -> String {
+    let mut text = String::new();
+    let mut line = |line: String| writeln!(text, "{line}").unwrap_or_default();
+    for remark in remarks {
+        line(format!("# {remark}"));
+    }
+    let middle = [size.width, size.height].map(|side| (f64::from(side) - 1.0) / 2.0);
+    let centre = [camera.cx - middle[0], camera.cy - middle[1]];
+    let mut before = DMat3::IDENTITY;
+    for (view, sway) in sway.iter().enumerate() {
+        let focal = camera.focal_px * (1.0 + sway.scale);
+        // What is seen at the principal point of an aligned picture.
+        let larger = 1.0 + sway.scale;
+        let cx = middle[0] + sway.right_px + larger * centre[0] - sway.turn * centre[1];
+        let cy = middle[1] + sway.down_px + sway.turn * centre[0] + larger * centre[1];
+        let name = names.get(view).map_or("", |name| name);
+        line(format!("cam{view}:  # {name}"));
+        line("  camera_model: pinhole".to_owned());
+        line(format!(
+            "  intrinsics: [{focal:?}, {focal:?}, {cx:?}, {cy:?}]"
+        ));
+        line("  distortion_model: none".to_owned());
+        line("  distortion_coeffs: []".to_owned());
+        line(format!("  resolution: [{}, {}]", size.width, size.height));
+        let turn = DMat3::from_rotation_z(sway.turn);
+        if view > 0 {
+            let step = turn * before.transpose();
+            let shift = turn * DVec3::new(-camera.baseline_m, 0.0, 0.0);
+            line("  T_cn_cnm1:".to_owned());
+            for row in 0..3 {
+                let [a, b, c] = step.row(row).to_array();
+                line(format!("  - [{a:?}, {b:?}, {c:?}, {:?}]", shift[row]));
+            }
+            line("  - [0.0, 0.0, 0.0, 1.0]".to_owned());
+        }
+        before = turn;
+    }
+    text
 }
 
 fn camera(entry: &Value, name: &str) -> Result<Camera, Why> {

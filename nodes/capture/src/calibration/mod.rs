@@ -21,6 +21,7 @@ use serde_json::Value;
 use crate::error::SourceError;
 
 pub(crate) use geometry::Geometry;
+pub use kalibr::of_residual;
 pub use lens::{Camera, Lens};
 
 /// A camera and how its rectified twin looks.
