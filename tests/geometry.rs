@@ -400,7 +400,7 @@ fn what_is_left_to_correct_on_a_rig_is_written_as_a_calibration_and_then_nothing
     let world = World::new();
     let mut cameras = [straight(0), straight(1), straight(2)];
     cameras[0].centre[1] += 0.5;
-    cameras[1].centre[0] -= 0.6;
+    cameras[1].centre[0] -= 0.3;
     cameras[2].turn = glam::DMat3::from_rotation_z(0.1f64.to_radians());
     let folder = scene(&world, "scene", &cameras);
     let source = folder.to_string_lossy();

@@ -2,15 +2,18 @@
 #![expect(clippy::unwrap_used, reason = "tests")]
 
 mod harness;
+#[path = "../nodes/capture/tests/texture/mod.rs"]
+mod texture;
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use harness::{Ran, World, bytes_of, signal, wait_until};
 use messages::recording::Recording;
-use messages::{Kind, Owned, Topic, Truth};
+use messages::{Kind, Map, Owned, Size, Sway, Topic, Truth};
 use serde_json::Value;
+use texture::wave;
 
 const RAIL: [&str; 2] = ["--set", "capture.mode=rail"];
 const START: [&str; 2] = ["--set", "capture.start=1700000000000000000"];
@@ -315,4 +318,117 @@ fn a_rail_whose_matcher_dies_again_and_again_does_not_stand_still() {
     signal(run.id(), "INT");
     let ran = Ran::new(run.wait_with_output().unwrap()).done();
     assert!(ran.out.contains("; balanced"), "{ran:?}");
+}
+
+/// Pixels by which a row of the swaying ground moves for a step to the right: it is nearer further down.
+fn pace(row: f64) -> f64 {
+    5.0 + row / 100.0
+}
+
+/// A folder of frames of a ground, each off by something of its own: up to 0.7 px, and turned and scaled a little.
+fn swaying_rail(world: &World, name: &str, frames: usize) -> PathBuf {
+    let (width, height) = (320u32, 200u32);
+    let size = Size::new(width, height);
+    let folder = world.path(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut state = 9u32;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) / f64::from(1 << 24) * 1.4 - 0.7
+    };
+    for frame in 0..frames {
+        let sway = Sway {
+            right_px: random(),
+            down_px: random(),
+            turn: 0.002 * random(),
+            scale: 0.002 * random(),
+        };
+        let mut image = format!("P5\n{width} {height}\n255\n").into_bytes();
+        for pixel in 0..width * height {
+            let seen = [pixel % width, pixel / width].map(f64::from);
+            // Where what is seen here belongs, by a few rounds.
+            let mut at = seen;
+            for _ in 0..4 {
+                let [right, down] = sway.off(size, at[0], at[1]);
+                at = [seen[0] - right, seen[1] - down];
+            }
+            image.push(wave(at[0] + frame as f64 * pace(at[1]), at[1]));
+        }
+        std::fs::write(folder.join(format!("{frame:03}.pgm")), image).unwrap();
+    }
+    folder
+}
+
+/// The median error of a map's disparities, in pixels, and how many points there are.
+fn map_error(recording: &Path) -> (f64, usize) {
+    let mut recording = Recording::open(recording).unwrap();
+    let rig = recording.metadata().rig.clone();
+    let camera = rig.calibration(rig.size);
+    let topic = Topic::of(&rig, Kind::Map).remove(0);
+    let mut errors = Vec::new();
+    for scan in 0..24 {
+        let map: Owned<Map> = recording.read(scan, &topic).unwrap();
+        errors.extend(map.view().points.iter().map(|point| {
+            let row = camera.focal_px * f64::from(point.y) / f64::from(point.z) + camera.cy;
+            (f64::from(point.disparity) - pace(row)).abs()
+        }));
+    }
+    errors.sort_by(f64::total_cmp);
+    (errors[errors.len() / 2], errors.len())
+}
+
+#[test]
+fn a_rail_that_sways_is_matched_more_and_its_map_is_twice_as_exact_and_replayed_to_the_byte() {
+    let world = World::new();
+    let rail = swaying_rail(&world, "rail", 24);
+    let source = rail.to_string_lossy().into_owned();
+    let mut matched = Vec::new();
+    for (file, sway) in [("on.mcap", "null"), ("off.mcap", "false")] {
+        let positions: String = (0..24).map(|frame| format!("{}\n", 10 * frame)).collect();
+        std::fs::write(world.path("mm.csv"), format!("position_mm\n{positions}")).unwrap();
+        let set = format!("capture.sway={sway}");
+        let own = [
+            "--set",
+            "capture.stride=1",
+            "--set",
+            "capture.positions=mm.csv",
+        ];
+        let mut run = [&arguments(&source, file)[..], &own].concat();
+        if sway == "false" {
+            run.extend(["--set", &set]);
+        }
+        let ran = world.run(&run).done();
+        assert_eq!(
+            ran.err.contains("the rail sways by 0."),
+            sway == "null",
+            "{ran:?}"
+        );
+        let summary = ran.json();
+        let nodes = summary["nodes"].as_array().unwrap();
+        let of_match = nodes.iter().find(|node| node["node"] == "match").unwrap();
+        matched.push(of_match["counts"]["points"].as_u64().unwrap());
+        for stage in ["capture", "match", "map"] {
+            let verified = ["replay", file, "--from", stage, "--verify", "--json"];
+            let report = world.run(&verified).done().json();
+            assert_eq!(report["verified"]["equal"], true, "{stage}: {report}");
+        }
+    }
+    let [on, off] = ["on.mcap", "off.mcap"].map(|file| map_error(&world.path(file)));
+    assert!(matched[0] > matched[1], "{matched:?}");
+    assert!(on.1 > off.1 && 2.0 * on.0 < off.0, "{on:?} {off:?}");
+}
+
+#[test]
+fn sway_of_a_rig_is_refused_in_a_sentence() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let ran = world.run(&["run", "--source", &source, "--set", "capture.sway=true"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(
+        ran.err
+            .contains("capture.sway is of one camera along a rail"),
+        "{ran:?}"
+    );
+    assert_eq!(ran.err.lines().count(), 1, "{ran:?}");
 }
