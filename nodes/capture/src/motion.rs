@@ -15,6 +15,10 @@ const BLOCK: usize = 20;
 pub(crate) const MIDDLE: f64 = (BLOCK as f64 - 1.0) / 2.0;
 /// Pixels of a block.
 const AREA: usize = BLOCK * BLOCK;
+/// Rows of a block from one that is compared to the next, where it is searched for; it is placed by all of them.
+const EVERY: usize = 2;
+/// Pixels of a block that are compared where it is searched for.
+const COMPARED: usize = AREA / EVERY;
 /// Pixels from one block to the next, where all of a picture is looked at.
 pub(crate) const SPACING: usize = 28;
 /// Rows up and down in which a block is looked for.
@@ -68,14 +72,15 @@ impl Picture<'_> {
 pub(crate) struct Block {
     /// Column and row of its corner.
     pub(crate) at: (usize, usize),
-    /// Its gray levels.
+    /// The gray levels of the rows that are compared, their mean, and the sum of their squares without it.
     gray: Vec<i16>,
+    mean: f32,
+    variation: f32,
     /// The same without their mean.
     contrast: Vec<f32>,
     /// What a gray level found there says of how far the place is off, in columns and in rows: the pseudo-inverse of the
     /// gradients, rid of all that gain and offset explain.
     off: [Vec<f32>; 2],
-    mean: f32,
     /// Sum of the squares of `contrast`.
     squares: f32,
 }
@@ -87,22 +92,30 @@ impl Block {
         if picture.texture(x, y).into_iter().any(|t| t < TEXTURE) {
             return None;
         }
-        let (mut gray, mut slopes) = (Vec::with_capacity(AREA), [const { Vec::new() }; 2]);
+        let (mut all, mut slopes) = (Vec::with_capacity(AREA), [const { Vec::new() }; 2]);
         for row in y..y + BLOCK {
             let (above, below) = (
                 picture.row(x, row - 1, BLOCK),
                 picture.row(x, row + 1, BLOCK),
             );
             let own = picture.row(x - 1, row, BLOCK + 2);
-            gray.extend(own[1..=BLOCK].iter().map(|&v| i16::from(v)));
+            all.extend(own[1..=BLOCK].iter().map(|&v| i16::from(v)));
             let half = |a: u8, b: u8| (f32::from(b) - f32::from(a)) / 2.0;
             slopes[0].extend((0..BLOCK).map(|i| half(own[i], own[i + 2])));
             slopes[1].extend((0..BLOCK).map(|i| half(above[i], below[i])));
         }
-        let mean = gray.iter().map(|&v| i32::from(v)).sum::<i32>() as f32 / AREA as f32;
-        let contrast: Vec<f32> = gray.iter().map(|&v| f32::from(v) - mean).collect();
+        let mean_of = |gray: &[i16]| {
+            gray.iter().map(|&v| i32::from(v)).sum::<i32>() as f32 / gray.len() as f32
+        };
+        let mean = mean_of(&all);
+        let contrast: Vec<f32> = all.iter().map(|&v| f32::from(v) - mean).collect();
+        let rows = all.as_chunks::<BLOCK>().0.iter().step_by(EVERY);
+        let gray: Vec<i16> = rows.flatten().copied().collect();
+        let mean = mean_of(&gray);
+        let off = gray.iter().map(|&v| f32::from(v) - mean);
+        let variation = off.map(|off| off * off).sum::<f32>();
         let squares = dot(&contrast, &contrast);
-        if squares < LEAST_VARIANCE * AREA as f32 {
+        if squares < LEAST_VARIANCE * AREA as f32 || variation <= 0.0 {
             return None;
         }
         for slope in &mut slopes {
@@ -129,6 +142,7 @@ impl Block {
             gray,
             contrast,
             mean,
+            variation,
             squares,
         })
     }
@@ -258,7 +272,13 @@ impl Costs {
         for y in top..=bottom {
             for x in left..=right {
                 let mut product = 0i32;
-                for (own, row) in block.gray.as_chunks::<BLOCK>().0.iter().zip(y..) {
+                for (own, row) in block
+                    .gray
+                    .as_chunks::<BLOCK>()
+                    .0
+                    .iter()
+                    .zip((y..).step_by(EVERY))
+                {
                     let their = other.row(x, row, BLOCK);
                     let products = own.iter().zip(their);
                     product += products
@@ -266,17 +286,17 @@ impl Costs {
                         .sum::<i32>();
                 }
                 let mut sums = [0u32; 2];
-                for row in 0..BLOCK {
+                for row in (0..BLOCK).step_by(EVERY) {
                     let [sum, squares] = self.along[(y - top + row) * columns + x - left];
                     sums[0] += sum;
                     sums[1] += squares;
                 }
                 let [sum, squares] = sums.map(|sum| sum as f32);
                 let covariance = product as f32 - block.mean * sum;
-                let variance = squares - sum * sum / AREA as f32;
-                let cost = match variance < LEAST_VARIANCE * AREA as f32 {
+                let variance = squares - sum * sum / COMPARED as f32;
+                let cost = match variance < LEAST_VARIANCE * COMPARED as f32 {
                     true => 1.0,
-                    false => 1.0 - covariance / (variance * block.squares).sqrt(),
+                    false => 1.0 - covariance / (variance * block.variation).sqrt(),
                 };
                 self.costs.push(cost);
             }
