@@ -110,8 +110,8 @@ impl From<DeliveryArg> for Delivery {
 pub(crate) struct Run {
     /// The graph file; without one, the built-in graph
     pub(crate) graph: Option<PathBuf>,
-    /// scene:tab, scene:jack, scene:screwdriver, scene:all, a folder of images, a folder of such folders, or cameras:
-    /// camera:gstreamer, camera:v4l, camera:bus
+    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, a folder of such folders, or
+    /// cameras: camera:gstreamer, camera:v4l, camera:bus
     #[arg(long, value_name = "SPEC")]
     pub(crate) source: Option<String>,
     /// Which of the source's views, left to right: at least three at equal steps, or all
@@ -228,7 +228,7 @@ impl From<Hold> for Folders {
 
 #[derive(Debug, Args)]
 pub(crate) struct CheckGeometry {
-    /// scene:tab, scene:jack, scene:screwdriver, scene:all, a folder of images, or a folder of such folders
+    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, or a folder of such folders
     #[arg(value_name = "SOURCE")]
     pub(crate) source: String,
     /// Which of the source's views, left to right: at least three at equal steps, or all

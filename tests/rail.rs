@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use harness::{Ran, World, bytes_of, signal, wait_until};
+use harness::{Ran, World, bytes_of, signal, texture, wait_until};
 use messages::recording::Recording;
-use messages::{Kind, Map, Owned, Size, Sway, Topic, Truth};
+use messages::{Evaluation, Kind, Map, Owned, Size, Sway, Topic, Truth};
 use serde_json::Value;
 use texture::wave;
 
@@ -177,13 +177,9 @@ fn the_map_of_a_rendered_scene_is_right() {
     );
     world.run(&["export", "x.mcap", "--map", "map.ply"]).done();
     let ply = std::fs::read(world.path("map.ply")).unwrap();
-    let head = String::from_utf8_lossy(&ply[..600]).into_owned();
-    let count = head
-        .lines()
-        .find_map(|line| line.strip_prefix("element vertex "));
-    let count: usize = count.unwrap().parse().unwrap();
+    let count = vertices_of(&ply).0;
     assert!(count > 10_000, "{count} points");
-    let near = share_near_truth(&world.path("x.mcap"), &ply, count);
+    let near = share_near_truth(&world.path("x.mcap"), &ply);
     assert!(near > 0.98, "{near} of the map lie where the scene does");
     // The camera passes the same places again and again: what is seen again is no new point.
     let of_one_frame = summary_points(&nodes[..]);
@@ -194,8 +190,7 @@ fn the_map_of_a_rendered_scene_is_right() {
 }
 
 /// Which part of a map's points lies within a fiftieth of the depth that the truth of a frame has there: a third of a pixel and more.
-fn share_near_truth(recording: &Path, ply: &[u8], count: usize) -> f64 {
-    const VERTEX: usize = 6 * 4 + 3;
+fn share_near_truth(recording: &Path, ply: &[u8]) -> f64 {
     let mut recording = Recording::open(recording).unwrap();
     let rig = recording.metadata().rig.clone();
     let topic = Topic::of(&rig, Kind::Truth).remove(0);
@@ -223,22 +218,153 @@ fn share_near_truth(recording: &Path, ply: &[u8], count: usize) -> f64 {
             depths.any(|depth| (depth - z).abs() < 0.02 * depth)
         })
     };
-    let vertices = ply[ply.len() - count * VERTEX..].chunks_exact(VERTEX);
-    let near = vertices.filter(|vertex| {
-        let number = |at: usize| {
-            f64::from(f32::from_le_bytes(
-                vertex[4 * at..][..4].try_into().unwrap(),
-            ))
-        };
-        is_near(number(0), number(1), number(2))
-    });
+    let (count, vertices) = vertices_of(ply);
+    let near = vertices.filter(|[x, y, z]| is_near(*x, *y, *z));
     near.count() as f64 / count as f64
+}
+
+/// How many points a map's file holds, and where each is, in metres.
+fn vertices_of(ply: &[u8]) -> (usize, impl Iterator<Item = [f64; 3]>) {
+    const VERTEX: usize = 6 * 4 + 3;
+    let head = String::from_utf8_lossy(&ply[..ply.len().min(600)]).into_owned();
+    let count = head
+        .lines()
+        .find_map(|line| line.strip_prefix("element vertex "));
+    let count: usize = count.unwrap().parse().unwrap();
+    let vertices = ply[ply.len() - count * VERTEX..].chunks_exact(VERTEX);
+    let number = |vertex: &[u8], at: usize| {
+        f64::from(f32::from_le_bytes(
+            vertex[4 * at..][..4].try_into().unwrap(),
+        ))
+    };
+    let at = move |vertex: &[u8]| [0, 1, 2].map(|axis| number(vertex, axis));
+    (count, vertices.map(at))
 }
 
 /// Points a frame, on average.
 fn summary_points(nodes: &[Value]) -> f64 {
     let of_match = nodes.iter().find(|node| node["node"] == "match").unwrap();
     of_match["counts"]["points"].as_f64().unwrap() / 30.0
+}
+
+/// Writes the frames of a rail, each exposed by its own factor: a textured wall that goes 4 px to the left from one to the
+/// next, and slabs before it that go 6 px, with a noise of one gray level; and where they were taken, and their truth.
+fn exposed_rail(world: &World, name: &str, exposures: &[f64]) -> String {
+    const WIDTH: u32 = 320;
+    const HEIGHT: u32 = 200;
+    let folder = world.path(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    let (mut views, mut truths) = (Vec::new(), Vec::new());
+    for (frame, exposure) in (0u32..).zip(exposures) {
+        let mut picture = format!("P5\n{WIDTH} {HEIGHT}\n255\n").into_bytes();
+        let mut truth = format!("P5\n{WIDTH} {HEIGHT}\n65535\n").into_bytes();
+        for (y, x) in (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (y, x))) {
+            let on_slab = x + 6 * frame;
+            let is_slab = (50..150).contains(&y) && on_slab / 90 % 2 == 1;
+            let (disparity, gray) = match is_slab {
+                true => (6, texture(on_slab + 1000, y + 500)),
+                false => (4, texture(x + 4 * frame, y)),
+            };
+            let noise = texture(1 + 8 * (x + 331 * frame), 1 + 8 * y) % 3;
+            let gray = 40.0 + 0.6 * f64::from(gray) + f64::from(noise) - 1.0;
+            picture.push((exposure * gray).round() as u8);
+            truth.extend((256 * disparity as u16).to_be_bytes());
+        }
+        let (of_picture, of_truth) = (format!("view{frame}.pgm"), format!("gt{frame}.pgm"));
+        std::fs::write(folder.join(&of_picture), picture).unwrap();
+        std::fs::write(folder.join(&of_truth), truth).unwrap();
+        views.push(serde_json::json!({ "file": of_picture, "position_steps": frame }));
+        truths.push(serde_json::json!({ "file": of_truth, "view": frame }));
+    }
+    let scene = serde_json::json!({ "views": views, "ground_truth": truths });
+    std::fs::write(folder.join("scene.json"), scene.to_string()).unwrap();
+    folder.to_string_lossy().into_owned()
+}
+
+/// What came of a rail.
+#[derive(Debug)]
+struct Came {
+    /// Points of all frames, and of the map.
+    points: f64,
+    of_map: f64,
+    /// Of the frames' points: the share off by over a pixel, and the mean of the frames' median errors in pixels.
+    bad: f64,
+    median: f64,
+    /// Share of the map that lies farther than a twentieth of the depth from both surfaces.
+    astray: f64,
+}
+
+fn along(world: &World, name: &str, exposures: &[f64]) -> Came {
+    let source = exposed_rail(world, name, exposures);
+    let (file, map) = (format!("{name}.mcap"), format!("{name}.ply"));
+    let mut run = arguments(&source, &file);
+    run.extend(["--set", "capture.focal=500"]);
+    run.extend(["--set", "capture.baseline=0.01"]);
+    let summary = world.run(&run).done().json();
+    let count = |node: &str, name: &str| {
+        let nodes = summary["nodes"].as_array().unwrap();
+        let of_node = nodes.iter().find(|summary| summary["node"] == node);
+        of_node.unwrap()["counts"][name].as_f64().unwrap()
+    };
+    let mut recording = Recording::open(&world.path(&file)).unwrap();
+    let rail = recording.metadata().rig.rail.unwrap();
+    let topic = Topic::of(&recording.metadata().rig, Kind::Evaluation).remove(0);
+    let (mut known, mut wrong, mut medians) = (0.0, 0.0, Vec::new());
+    for scan in recording.scans().collect::<Vec<u64>>() {
+        let frame = recording.read::<Evaluation>(scan, &topic).unwrap();
+        let score = frame.view().scores[0];
+        if score.points > 0 {
+            known += f64::from(score.points);
+            wrong += f64::from(score.over_one);
+            medians.push(f64::from(score.median));
+        }
+    }
+    world.run(&["export", &file, "--map", &map]).done();
+    let ply = std::fs::read(world.path(&map)).unwrap();
+    let (of_map, vertices) = vertices_of(&ply);
+    // A baseline is a triple's.
+    let depth = |disparity: f64| 500.0 * 0.01 / (disparity * rail.stride as f64);
+    let astray = vertices.filter(|[_, _, z]| {
+        let is_near = |disparity| (z - depth(disparity)).abs() < 0.05 * depth(disparity);
+        !is_near(4.0) && !is_near(6.0)
+    });
+    Came {
+        points: count("match", "points"),
+        of_map: of_map as f64,
+        bad: wrong / known,
+        median: medians.iter().sum::<f64>() / medians.len() as f64,
+        astray: astray.count() as f64 / of_map as f64,
+    }
+}
+
+/// Exposures that go up and down by a fifth, from one frame to the next by up to two fifths.
+const FLICKER: [f64; 7] = [1.0, 0.8, 1.2, 0.93, 1.14, 0.86, 1.07];
+
+#[test]
+fn light_that_flickers_by_a_fifth_costs_a_rail_next_to_no_points_and_no_accuracy() {
+    let world = World::new();
+    let of = |name: &str, exposure: &dyn Fn(usize) -> f64| {
+        let exposures: Vec<f64> = (0..24).map(exposure).collect();
+        along(&world, name, &exposures)
+    };
+    let steady = of("steady", &|_| 1.0);
+    assert!(
+        steady.points > 20_000.0 && steady.of_map > 2_000.0,
+        "{steady:?}"
+    );
+    assert!(steady.bad < 0.01 && steady.astray < 0.2, "{steady:?}");
+    let flickering = of("flickering", &|frame| FLICKER[frame % FLICKER.len()]);
+    // A cloud, or a camera that finds its exposure: half of the light goes within the run.
+    let dimming = of("dimming", &|frame| 1.0 - frame as f64 / 46.0);
+    for (name, lit) in [("flickering", flickering), ("dimming", dimming)] {
+        let both = format!("{name}: {lit:?}, steady: {steady:?}");
+        assert!(lit.points >= 0.9 * steady.points, "{both}");
+        assert!(lit.of_map >= 0.9 * steady.of_map, "{both}");
+        // Of few wrong points one more or less says nothing.
+        assert!(lit.bad <= 1.2 * steady.bad + 0.0005, "{both}");
+        assert!(lit.astray <= 1.2 * steady.astray + 0.0005, "{both}");
+        assert!(lit.median <= 1.2 * steady.median, "{both}");
+    }
 }
 
 #[test]

@@ -219,6 +219,7 @@ struct Book {
     is_successor: bool,
     meter: Meter,
     synchronisation: Option<Box<Synchronisation>>,
+    warnings: Vec<String>,
     /// When the node was handed its last message or published its last one.
     mark: Option<Instant>,
 }
@@ -672,6 +673,7 @@ impl Bus {
             bytes: book.bytes,
             seconds: self.began.elapsed().as_secs_f64(),
             synchronisation: book.synchronisation.clone(),
+            warnings: book.warnings.clone(),
             failed: None,
             life: self.life,
         }
@@ -703,6 +705,13 @@ impl Bus {
     /// What came of the cameras' frames so far: it goes into this node's reports.
     pub fn synchronised(&self, account: Synchronisation) {
         self.book.borrow_mut().synchronisation = Some(Box::new(account));
+    }
+
+    /// Says what makes results doubtful: in the log now, and in this node's reports, where a run's end repeats it.
+    pub fn doubt(&self, text: impl Into<String>) {
+        let text = text.into();
+        self.log(Level::Warn, text.clone());
+        self.book.borrow_mut().warnings.push(text);
     }
 
     /// Tells the launcher how far the scans have come; for the node at the door.

@@ -201,7 +201,7 @@ impl World {
 }
 
 /// Smooth noise: random values every eight pixels, interpolated.
-fn texture(x: u32, y: u32) -> u8 {
+pub(crate) fn texture(x: u32, y: u32) -> u8 {
     let value = |x: u32, y: u32| {
         let mut hash = x.wrapping_mul(0x9E37_79B9) ^ y.wrapping_mul(0x85EB_CA6B);
         hash = (hash ^ (hash >> 15)).wrapping_mul(0x2C1B_3C6D);

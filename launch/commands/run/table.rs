@@ -79,7 +79,7 @@ impl Summary {
             ledger: ran.ledger.clone(),
             outcome: ran.outcome,
             // Of what never began nothing is to be said.
-            warnings: doubts(&ran.reports).filter(|_| scans > 0).collect(),
+            warnings: warnings(&ran.reports).filter(|_| scans > 0).collect(),
             recording: recording.filter(|path| path.exists()).map(Path::to_owned),
             has_images: ran.ledger.nodes.contains_key("capture"),
             has_map: ran.reports.iter().any(|report| report.node == "map"),
@@ -87,10 +87,16 @@ impl Summary {
     }
 }
 
+/// What makes the results doubtful, in the order in which it comes about.
+fn warnings(reports: &[NodeReport]) -> impl Iterator<Item = String> {
+    let of_nodes = reports.iter().flat_map(|report| report.warnings.clone());
+    of_nodes.chain(doubts(reports))
+}
+
 /// The share of all curves that is in no match when three views show one scene, at most.
 const LEAST_MATCHED: f64 = 0.02;
 
-/// What makes the results doubtful.
+/// What makes the results doubtful by the nodes' counts.
 fn doubts(reports: &[NodeReport]) -> impl Iterator<Item = String> {
     // A node that was restarted counts what it saw itself.
     let a_scan = |node: &str, name: &str| {
@@ -252,5 +258,17 @@ mod tests {
         };
         assert_eq!(doubts_with(70), Vec::<String>::new());
         assert!(doubts_with(1)[0].starts_with("next to nothing matched"));
+    }
+
+    #[test]
+    fn what_nodes_doubt_stands_before_what_their_counts_say() {
+        let capture = NodeReport {
+            warnings: vec!["left is nearly black".to_owned()],
+            ..report("capture", 10, "scans", 1)
+        };
+        let said: Vec<String> = warnings(&[report("track", 10, "curves", 0), capture]).collect();
+        assert_eq!(said.len(), 2, "{said:?}");
+        assert_eq!(said[0], "left is nearly black");
+        assert!(said[1].starts_with("no curve was found"), "{said:?}");
     }
 }

@@ -160,6 +160,9 @@ pub struct NodeReport {
     /// What came of the cameras' frames; of the node that takes them in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub synchronisation: Option<Box<Synchronisation>>,
+    /// What makes results doubtful.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Why it could not do all of its work.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,

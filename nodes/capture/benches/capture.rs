@@ -18,7 +18,7 @@ fn benches(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("capture");
     let mut image = Owned::<Image>::new(source("tab").size());
     group.sample_size(10);
-    for object in ["tab", "jack", "screwdriver"] {
+    for object in ["tab", "jack", "screwdriver", "fence"] {
         group.bench_function(format!("render_three_views/{object}/512x480"), |bencher| {
             bencher.iter(|| {
                 let mut source = source(object);

@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         )
     };
     let mut image = Owned::<Image>::new(size);
-    for scan in 0..3 {
+    for scan in 0..source.scenes() {
         let (mut least, mut most) = (f32::MAX, f32::MIN);
         let start = Instant::now();
         for view in 0..source.view_count() {

@@ -22,7 +22,7 @@ pub enum SourceError {
 
     /// A scene that is not among the rendered ones.
     #[error(
-        "there is no rendered scene {name:?}{}; known are all, tab, jack and screwdriver",
+        "there is no rendered scene {name:?}{}; known are all, tab, jack, screwdriver and fence",
         nearest.map_or(String::new(), |known| format!(", did you mean scene:{known}?"))
     )]
     UnknownScene {

@@ -19,6 +19,8 @@ mod calibration;
 mod camera_info;
 mod description;
 mod error;
+#[cfg(feature = "node")]
+mod exposure;
 mod folder;
 mod image_file;
 #[cfg(feature = "node")]

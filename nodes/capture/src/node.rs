@@ -7,6 +7,7 @@ use messages::bus::{Bus, BusError, Filled, Gate, Loan, Outputs, Play, Playing, R
 use messages::door::UnderWay;
 use messages::{Delivery, Header, Image, NONE, Raw, Rig};
 
+use crate::exposure::Exposure;
 use crate::live::{self, Way};
 use crate::{Settings, Source, SourceError};
 
@@ -39,6 +40,9 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         source,
         images: bus.outputs(&settings.makes())?,
         truths: VecDeque::new(),
+        // A file is as it is.
+        exposure: Exposure::new(bus.run().rig.views.iter().map(|view| view.name.clone()), 1),
+        doubts: Vec::new(),
         gate: bus.gate(&start.resume, Some(total))?,
         rig: bus.run().rig.clone(),
         start_nanos: settings.start.unwrap_or_default(),
@@ -92,7 +96,9 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         let is_due = is_due && !is_held && pause.lets_go();
         if is_due && capture.gate.door().is_open() {
             pause.went();
-            match capture.read(capture.gate.door().next_tick()) {
+            let read = capture.read(capture.gate.door().next_tick());
+            capture.doubts.drain(..).for_each(|doubt| bus.doubt(doubt));
+            match read {
                 Ok(loans) => {
                     let scan = capture.gate.admit(bus);
                     capture.send(scan, loans)?;
@@ -164,6 +170,9 @@ struct Capture {
     images: Outputs,
     /// The truth of the scenes read last, by scene.
     truths: VecDeque<(u64, Vec<f32>)>,
+    exposure: Exposure,
+    /// What is to be said of how views are exposed.
+    doubts: Vec<String>,
     gate: Gate,
     rig: Rig,
     start_nanos: u64,
@@ -210,6 +219,7 @@ impl Capture {
             let (size, filled) = {
                 let mut room = loan.room()?;
                 let size = self.source.read(tick, view, &mut room)?;
+                self.doubts.extend(self.exposure.look(view, &room.pixels));
                 (size, Filled::of::<Image>(&room))
             };
             let on_rail = self.source.position_m(tick);

@@ -66,8 +66,8 @@ impl<'de> Deserialize<'de> for Views {
 messages::settings! {
     /// Where scans come from and how many of them there are.
     pub struct Settings {
-        /// `scene:tab`, `scene:jack`, `scene:screwdriver` (rendered), `scene:all` (the three in turn), or the path of a
-        /// folder: of one scene's images, or of such folders, one scan each; or cameras:
+        /// `scene:tab`, `scene:jack`, `scene:screwdriver`, `scene:fence` (rendered), `scene:all` (the four in turn), or the
+        /// path of a folder: of one scene's images, or of such folders, one scan each; or cameras:
         /// `camera:gstreamer`, `camera:v4l`, or `camera:bus`, which other programs publish.
         pub source: String = "scene:all".to_owned();
         /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps, or all. Empty:
@@ -146,7 +146,7 @@ messages::settings! {
 }
 
 impl Settings {
-    /// The thesis's triples: left, central and right view of its three objects, 512x480, 8 bit.
+    /// The thesis's triples: left, central and right view, 512x480, 8 bit.
     pub fn thesis() -> Self {
         Self {
             views: Views::These(vec![0, 1, 2]),

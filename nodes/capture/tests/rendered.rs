@@ -4,7 +4,12 @@
 use capture::{Settings, Source, Truth, Views};
 use messages::{Image, Owned, Size};
 
-const OBJECTS: [&str; 3] = ["scene:tab", "scene:jack", "scene:screwdriver"];
+const OBJECTS: [&str; 4] = [
+    "scene:tab",
+    "scene:jack",
+    "scene:screwdriver",
+    "scene:fence",
+];
 
 fn open(source: &str, change: impl FnOnce(&mut Settings)) -> Source {
     let mut settings = Settings {
@@ -40,15 +45,21 @@ fn is_away_from_steps(truth: &Truth, x: usize, y: usize) -> bool {
 
 /// The median and the mean of the gray levels by which what is seen in `from` differs from what is seen
 /// `disparity + error` further left in `to`.
-fn difference(from: &[u8], to: &[u8], truth: &Truth, error: f32) -> (f32, f32) {
+fn difference(from: &[u8], to: &[u8], [truth, of_to]: [&Truth; 2], error: f32) -> (f32, f32) {
     let (width, height) = (truth.size.width as usize, truth.size.height as usize);
     let mut differences = Vec::new();
     for y in 2..height - 2 {
         for x in 2..width - 2 {
             let i = y * width + x;
             let there = x as f32 - truth.disparity[i] - error;
-            let is_inside = there > 0.0 && there < (width - 1) as f32;
-            if truth.visible[i] && is_inside && is_away_from_steps(truth, x, y) {
+            let near = there.round() as usize;
+            let is_inside = there > 2.0 && there < (width - 4) as f32;
+            // What is near in one picture only mixes into the pixels there, on one side of it.
+            if truth.visible[i]
+                && is_inside
+                && is_away_from_steps(truth, x, y)
+                && is_away_from_steps(of_to, near, y)
+            {
                 let row = &to[y * width..];
                 let [a, b] = [0, 1].map(|k| f32::from(row[there as usize + k]));
                 differences.push((f32::from(from[i]) - a - (b - a) * there.fract()).abs());
@@ -69,9 +80,10 @@ fn every_surface_point_is_found_at_its_true_disparity_in_the_next_view() {
     for object in OBJECTS {
         let mut source = clean(object);
         let pictures: Vec<Vec<u8>> = (0..3).map(|view| read(&mut source, 0, view)).collect();
+        let truths: Vec<Truth> = (0..3).map(|view| truth(&source, view)).collect();
         for view in 0..2 {
-            let truth = truth(&source, view);
-            let off = |error| difference(&pictures[view], &pictures[view + 1], &truth, error);
+            let both = [&truths[view], &truths[view + 1]];
+            let off = |error| difference(&pictures[view], &pictures[view + 1], both, error);
             let (median, mean) = off(0.0);
             assert!(
                 median < 0.5 && mean < 1.0,
@@ -84,7 +96,7 @@ fn every_surface_point_is_found_at_its_true_disparity_in_the_next_view() {
                 "{object} view {view}: {left}, {mean}, {right}"
             );
             assert!(
-                (left - right).abs() < 0.05 * mean,
+                (left - right).abs() < 0.03 * left,
                 "{object} view {view}: {left}, {mean}, {right}"
             );
         }
@@ -121,7 +133,12 @@ fn a_point_counts_as_visible_when_every_other_view_shows_its_disparity_there() {
                 .filter(|&i| own.visible[i] == is_shown(i))
                 .count();
             let share = agree as f64 / own.visible.len() as f64;
-            assert!(share > 0.997, "{object} view {view}: {share}");
+            // Where borders are many, more pixels lie on one, and their middles tell little of it.
+            let least = match object {
+                "scene:fence" => 0.985,
+                _ => 0.997,
+            };
+            assert!(share > least, "{object} view {view}: {share}");
             let hidden = own.visible.iter().filter(|visible| !**visible).count() as f64;
             assert!(
                 (0.03..0.25).contains(&(hidden / own.visible.len() as f64)),
@@ -157,24 +174,96 @@ fn disparities_span_a_good_range_and_nothing_is_saturated() {
     }
 }
 
+/// The shift to the left in pixels, within what is searched, at which a part of a picture is most like itself, and how
+/// unlike it is there, of how unlike it is at worst.
+fn recurrence(picture: &[u8], columns: std::ops::Range<usize>, row: usize) -> (usize, f32) {
+    const WIDTH: usize = 512;
+    let unlike = |shift: usize| {
+        let own = &picture[row * WIDTH + columns.start + shift..row * WIDTH + columns.end];
+        let there = &picture[row * WIDTH + columns.start..];
+        let off = |(&a, &b): (&u8, &u8)| (f32::from(a) - f32::from(b)).abs();
+        own.iter().zip(there).map(off).sum::<f32>() / own.len() as f32
+    };
+    let all: Vec<(usize, f32)> = (4..WIDTH / 8).map(|shift| (shift, unlike(shift))).collect();
+    let most = all.iter().map(|(_, unlike)| *unlike).fold(0.0, f32::max);
+    let (shift, least) = all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    (shift, least / most)
+}
+
+#[test]
+fn the_grating_and_the_bricks_of_the_fence_recur_within_what_is_searched_and_reach_a_border() {
+    let mut source = clean("scene:fence");
+    for view in 0..3 {
+        let picture = read(&mut source, 0, view);
+        for (name, columns, row) in [("grating", 0..200, 430), ("bricks", 330..512, 265)] {
+            let (shift, unlike) = recurrence(&picture, columns, row);
+            assert!(
+                unlike < 0.15,
+                "{name} in view {view}: {shift} px, {unlike} of the contrast"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_bars_of_the_fence_are_as_near_as_its_plane_and_stand_before_unequal_depths() {
+    let source = clean("scene:fence");
+    let truth = truth(&source, 0);
+    let width = truth.size.width as usize;
+    let row = &truth.disparity[80 * width..81 * width];
+    let is_bar = |x: &usize| row[*x] > 22.0;
+    let runs: Vec<Vec<usize>> = (0..width)
+        .collect::<Vec<_>>()
+        .chunk_by(|a, b| is_bar(a) == is_bar(b))
+        .map(<[usize]>::to_vec)
+        .collect();
+    // Fronts are flat: only a bar's side, a pixel wide at most, lies deeper. The picture's border may cut the first.
+    let bars: Vec<&Vec<usize>> = runs.iter().skip(1).filter(|run| is_bar(&run[0])).collect();
+    assert!(bars.len() > 15, "{} bars", bars.len());
+    let middle = |bar: &Vec<usize>| bar[bar.len() / 2] as f32;
+    for two in bars.windows(2) {
+        let apart = middle(two[1]) - middle(two[0]);
+        assert!((10.0..64.0).contains(&apart), "{apart} px");
+    }
+    assert!(
+        (bars[0][0] as f32) < row[bars[0][0]],
+        "the first bar's partner lies outside"
+    );
+    // The disparity of a plane is linear along a row.
+    let (first, last) = (middle(bars[0]), middle(bars[bars.len() - 1]));
+    let slope = (row[last as usize] - row[first as usize]) / (last - first);
+    for bar in &bars {
+        let on_plane = row[first as usize] + slope * (middle(bar) - first);
+        let shown = row[middle(bar) as usize];
+        assert!((shown - on_plane).abs() < 1e-3, "{shown}, {on_plane}");
+    }
+    let behind = |columns: std::ops::Range<usize>| {
+        let deep = columns.filter(|x| !is_bar(x)).map(|x| row[x]);
+        deep.fold(f32::MAX, f32::min)
+    };
+    assert!(behind(320..450) > behind(20..240) + 1.0);
+}
+
 #[test]
 fn the_same_scan_and_view_gives_the_same_bytes_in_any_order_and_process() {
-    let mut source = open("scene:tab", |_| ());
-    let first = read(&mut source, 7, 1);
-    read(&mut source, 2, 0);
-    assert_eq!(read(&mut source, 7, 1), first);
-    assert_eq!(read(&mut open("scene:tab", |_| ()), 7, 1), first);
-    assert_ne!(
-        read(&mut open("scene:tab", |settings| settings.seed = 2), 7, 1),
-        first
-    );
+    for object in ["scene:tab", "scene:fence"] {
+        let mut source = open(object, |_| ());
+        let first = read(&mut source, 7, 1);
+        read(&mut source, 2, 0);
+        assert_eq!(read(&mut source, 7, 1), first);
+        assert_eq!(read(&mut open(object, |_| ()), 7, 1), first);
+        assert_ne!(
+            read(&mut open(object, |settings| settings.seed = 2), 7, 1),
+            first
+        );
+    }
 }
 
 #[test]
 fn scans_of_one_scene_differ_by_noise_alone() {
     let mut source = open("scene:all", |_| ());
-    let (first, second) = (read(&mut source, 1, 2), read(&mut source, 4, 2));
-    assert_eq!([source.name(1), source.name(4)], ["jack", "jack"]);
+    let (first, second) = (read(&mut source, 1, 2), read(&mut source, 5, 2));
+    assert_eq!([source.name(1), source.name(5)], ["jack", "jack"]);
     let differences: Vec<f64> = first
         .iter()
         .zip(&second)
@@ -241,12 +330,12 @@ fn a_rendered_scene_knows_its_camera_and_its_depths() {
 }
 
 #[test]
-fn the_default_source_shows_the_three_objects_in_turn() {
+fn the_default_source_shows_all_scenes_in_turn() {
     let source = Source::open(&Settings::default()).unwrap();
     assert_eq!(source.scans(), 30);
     assert_eq!(source.size(), Size::new(512, 480));
-    let names: Vec<String> = (0..4).map(|scan| source.name(scan)).collect();
-    assert_eq!(names, ["tab", "jack", "screwdriver", "tab"]);
+    let names: Vec<String> = (0..5).map(|scan| source.name(scan)).collect();
+    assert_eq!(names, ["tab", "jack", "screwdriver", "fence", "tab"]);
     let places: Vec<(String, f64)> = source
         .views(0)
         .into_iter()
@@ -284,11 +373,11 @@ fn an_unknown_scene_is_refused_with_the_nearest_known_one() {
     };
     assert_eq!(
         sentence("scene:jak"),
-        "there is no rendered scene \"jak\", did you mean scene:jack?; known are all, tab, jack and screwdriver"
+        "there is no rendered scene \"jak\", did you mean scene:jack?; known are all, tab, jack, screwdriver and fence"
     );
     assert_eq!(
         sentence("scene:"),
-        "there is no rendered scene \"\"; known are all, tab, jack and screwdriver"
+        "there is no rendered scene \"\"; known are all, tab, jack, screwdriver and fence"
     );
 }
 

@@ -10,6 +10,7 @@ use messages::{Delivery, Header, Image, NONE, Raw};
 use super::feed::{Feed, Frame, News, Open};
 use super::kept::{Kept, Pace};
 use super::{Way, cameras_of, opener};
+use crate::exposure::Exposure;
 use crate::node::{CaptureError, Pause};
 use crate::rectify::{Rectifier, show};
 use crate::synchronise::{Cause, Scan, Synchroniser};
@@ -23,6 +24,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 const PATIENCE: Duration = Duration::from_secs(3);
 /// How long no frame came of cameras of which it is said that they send nothing: it is seen a look or two late.
 const QUIET: Duration = Duration::from_secs(2);
+/// Scans in a row that must be ill exposed before it is said: a camera that begins looks for its exposure.
+const EXPOSURE_PATIENCE: u64 = 30;
 /// How long to wait for news when nothing else is to be done.
 const IDLE: Duration = Duration::from_millis(500);
 
@@ -38,6 +41,10 @@ pub(crate) fn run(
     let names: Vec<String> = bus.run().rig.views.iter().map(|v| v.name.clone()).collect();
     let rectifier = Rectifier::open(settings, names.len(), &[bus.run().rig.size])?;
     let delivery = bus.run().delivery;
+    let patience = match delivery {
+        Delivery::Live => EXPOSURE_PATIENCE.min(settings.scans.unwrap_or(u64::MAX)) as u32,
+        Delivery::Lossless => 1,
+    };
     let mut cameras = Cameras {
         images: bus.outputs(&settings.makes())?,
         is_raw_asked: settings.raw,
@@ -52,6 +59,7 @@ pub(crate) fn run(
         is_live: delivery == Delivery::Live,
         skip: 0,
         failed: None,
+        exposure: Exposure::new(names.iter().cloned(), patience),
         rectifier: rectifier.filter(|_| settings.rectify),
         motion: Motion {
             speed: settings.speed,
@@ -152,6 +160,7 @@ struct Cameras {
     /// Scans of a file that went in before this process took over.
     skip: u64,
     failed: Option<String>,
+    exposure: Exposure,
     /// Frames are kept as they came, and rectified when they go out.
     rectifier: Option<Rectifier>,
     /// Whether images are published as they were taken too.
@@ -309,6 +318,11 @@ impl Cameras {
         let io = SourceError::io(&bus.run().root);
         self.kept.keep(tick, scan).map_err(io)?;
         self.pass(scan)?;
+        for (view, frame) in scan.frames.iter().enumerate() {
+            if let Some(doubt) = self.exposure.look(view, &frame.pixels) {
+                bus.doubt(doubt);
+            }
+        }
         let under_way = self.gate.admit(bus);
         self.send(bus, under_way, scan)
     }

@@ -1,8 +1,10 @@
-//! Rendered scenes: three machine parts seen by a camera on a rail, without a file on disk.
+//! Rendered scenes: three machine parts, and a fence of all that repeats, seen by a camera on a rail, without a file on
+//! disk.
 //!
 //! Everything that is seen belongs to a surface's point and not to who looks: textures, shadows and sheen agree in all
 //! views, and the true disparity of a pixel is that of the point its middle sees.
 
+mod fence;
 mod jack;
 mod lettering;
 mod paint;
@@ -25,22 +27,24 @@ pub(crate) const POSITIONS: usize = 5;
 /// Size of every rendered picture.
 pub(crate) const SIZE: Size = render::SIZE;
 
-/// The thesis's three objects.
+/// The thesis's three objects, and one that is made to be mistaken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Object {
     Tab,
     Jack,
     Screwdriver,
+    Fence,
 }
 
 impl Object {
-    pub(crate) const ALL: [Self; 3] = [Self::Tab, Self::Jack, Self::Screwdriver];
+    pub(crate) const ALL: [Self; 4] = [Self::Tab, Self::Jack, Self::Screwdriver, Self::Fence];
 
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Tab => "tab",
             Self::Jack => "jack",
             Self::Screwdriver => "screwdriver",
+            Self::Fence => "fence",
         }
     }
 
@@ -49,6 +53,7 @@ impl Object {
             Self::Tab => tab::scene(),
             Self::Jack => jack::scene(),
             Self::Screwdriver => screwdriver::scene(),
+            Self::Fence => fence::scene(),
         }
     }
 }

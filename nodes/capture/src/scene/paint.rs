@@ -333,3 +333,46 @@ pub(crate) fn drawing(place: Vec3, detail: f32) -> Finish {
     }
     matt(cork + (paper - cork) * sheet)
 }
+
+/// A plastered wall, rough and blotched: no place of it looks like another.
+pub(crate) fn plaster(place: Vec3, detail: f32) -> Finish {
+    let p = place.truncate();
+    let blotches = flat_layers(p, 26.0, 2, detail);
+    let grains = flat_layers(p + 130.0, 6.0, 2, detail);
+    matt(0.52 + 0.14 * blotches + 0.16 * grains)
+}
+
+/// Plain paint: what wears it looks the same all over.
+pub(crate) fn painted(_: Vec3, _: f32) -> Finish {
+    matt(0.20)
+}
+
+/// How far inside the nearest of the stripes a place is that are so wide and recur so often along one axis.
+fn stripe(along: f32, period: f32, width: f32) -> f32 {
+    let (_, within) = split(along / period);
+    width / 2.0 - (within - 0.5).abs() * period
+}
+
+/// Bricks in a running bond, each like the other.
+pub(crate) fn bricks(place: Vec3, detail: f32) -> Finish {
+    const LONG: f32 = 18.0;
+    const HIGH: f32 = 9.0;
+    const JOINT: f32 = 1.6;
+    let (course, _) = split(place.y / HIGH);
+    let shift = LONG / 2.0 * (course & 1) as f32;
+    let inside =
+        stripe(place.x + shift, LONG, LONG - JOINT).min(stripe(place.y, HIGH, HIGH - JOINT));
+    matt(0.66 - 0.26 * soft_area(inside, detail))
+}
+
+/// Ground of stripes, dark and bright, one like the other.
+pub(crate) fn grating(place: Vec3, detail: f32) -> Finish {
+    const PERIOD: f32 = 6.0;
+    let inside = stripe(place.x, PERIOD, PERIOD / 2.0);
+    matt(0.40 + 0.26 * soft_area(inside, detail))
+}
+
+/// [`area`], with a border of three pixels instead of one: on flat ground nothing is sampled more finely.
+fn soft_area(inside: f32, detail: f32) -> f32 {
+    smooth(-1.5, 1.5, inside * detail)
+}
