@@ -5,7 +5,7 @@
 
 use messages::{NONE, Reason};
 
-use crate::candidates::{Candidate, Candidates};
+use crate::candidates::Candidates;
 
 /// What changes of disparity along a curve cost.
 #[derive(Clone, Debug)]
@@ -27,7 +27,7 @@ pub(crate) struct Choice {
     pub(crate) disparity: f32,
     /// What the candidate cost.
     pub(crate) cost: f32,
-    /// How much dearer the best candidate elsewhere is.
+    /// How much dearer its cheapest rival is.
     pub(crate) margin: f32,
     /// How far the three columns are from one straight motion, in pixels.
     pub(crate) bend: f32,
@@ -41,6 +41,8 @@ pub(crate) struct Choice {
     pub(crate) support: f32,
     /// How many they are, the near ones counting more.
     pub(crate) witnesses: f32,
+    /// Whether it is part of a pattern whose next ones it is not told from.
+    pub(crate) repeats: bool,
 }
 
 impl Choice {
@@ -54,6 +56,7 @@ impl Choice {
         run: 0,
         support: 0.0,
         witnesses: 0.0,
+        repeats: false,
     };
 
     /// Whether there is a disparity at all.
@@ -190,22 +193,15 @@ impl Along {
                 continue;
             }
             let own = candidates.of(point);
-            let Candidate {
-                disparity,
-                cost,
-                bend,
-                spots,
-                curves,
-            } = own[state.candidate as usize];
-            let elsewhere = own.iter().filter(|c| (c.disparity - disparity).abs() > 1.0);
-            let rival = elsewhere.map(|c| c.cost).fold(1.0, f32::min);
+            let chosen = &own[state.candidate as usize];
             *choice = Choice {
-                disparity,
-                cost,
-                margin: rival - cost,
-                bend,
-                spots,
-                curves,
+                disparity: chosen.disparity,
+                cost: chosen.cost,
+                margin: chosen.rival_among(own) - chosen.cost,
+                bend: chosen.bend,
+                spots: chosen.spots,
+                curves: chosen.curves,
+                repeats: chosen.repeats,
                 ..Choice::NOTHING
             };
         }
@@ -225,12 +221,19 @@ pub(crate) struct Steadiness {
     pub(crate) margin: f32,
 }
 
+/// Share of a run's points, part of a pattern, from which on the run is: of a contour before an uneven background not every
+/// point is found to repeat.
+const REPEATED: f32 = 0.1;
+
 /// Forgets every choice outside runs of steady disparity, and tells the others how long their run is.
 pub(crate) fn keep_runs(choices: &mut [Choice], lost: &mut [Reason], steadiness: &Steadiness) {
     for_each_run(choices, steadiness, |start, choices, seen| {
         let margin: f32 = choices.iter().map(|choice| choice.margin).sum();
         let is_short = seen < steadiness.least;
-        let forgotten = is_short || margin < steadiness.margin * seen as f32;
+        let repeated = choices.iter().filter(|choice| choice.repeats).count();
+        let is_ambiguous = margin < steadiness.margin * seen as f32
+            || repeated as f32 > REPEATED * seen as f32;
+        let forgotten = is_short || is_ambiguous;
         let chosen = choices.iter_mut().zip(&mut lost[start..]);
         for (choice, lost) in chosen.filter(|(choice, _)| choice.is_some()) {
             if forgotten {
@@ -300,6 +303,7 @@ pub(crate) fn fill_gaps(choices: &mut [Choice], steadiness: &Steadiness) {
                     run: from.run,
                     support: from.support.min(to.support),
                     witnesses: from.witnesses.min(to.witnesses),
+                    repeats: false,
                 };
             }
             last = at;
@@ -391,6 +395,7 @@ mod tests {
                         bend: 0.0,
                         spots: [0; 2],
                         curves: [(2.0 * chance(seed * 3000 + point * 10 + i)) as u32, 0],
+                        ..Candidate::FOUND
                     };
                     (0..count).map(candidate).collect()
                 })

@@ -4,6 +4,7 @@ use messages::{Reason, Size};
 
 use crate::along::{self, Choice, Smoothness, Steadiness};
 use crate::candidates::{self, Likeness};
+use crate::rivals::Rivals;
 use crate::sightings::Sightings;
 use crate::triple::Steps;
 use crate::{ChannelView, Matcher, Range};
@@ -21,21 +22,7 @@ impl Matcher {
         let s = &self.settings;
         let reference = views[steps.reference].curves;
         let edges = reference.points;
-        let like = Likeness {
-            turn: s.orientation_tolerance.to_radians(),
-            miss: s.miss,
-            flat: s.flat.to_radians(),
-            turn_cost: s.turn_cost,
-            miss_cost: s.miss_cost,
-            unseen_cost: s.unseen_cost,
-            gray_cost: s.gray_cost,
-            gray_most: s.gray_most,
-            better: s.better_side / (1.0 + s.better_side),
-            magnitude_cost: s.magnitude_cost,
-            nothing: s.nothing,
-            most: s.nothing + s.jump,
-            keep: s.candidates,
-        };
+        let like = Likeness::of(s);
         let predicted = match s.prediction_margin.filter(|_| has_coarser) {
             Some(margin) => {
                 self.coarser.predict(margin, range);
@@ -45,12 +32,24 @@ impl Matcher {
         };
         let lost = &mut self.lost;
         let rows = &self.rows[steps.reference];
+        let reach = steps.to_near.abs() * (range.most - range.least);
+        let ratio = (steps.to_far / steps.to_near).abs();
+        self.repetition
+            .measure(rows, &like, size, (reach, ratio, s.repetition));
+        let rivals = Rivals::new(
+            &self.rows,
+            &steps,
+            &self.further,
+            &self.repetition,
+            (size.width, range),
+        );
         match self.further.is_empty() {
             true => self.candidates.gather(
                 rows,
                 range,
                 &like,
                 predicted,
+                Some(&rivals),
                 lost,
                 |spot, row, range, list| {
                     candidates::pairs(&self.rows, &steps, &like, (spot, row), range, list)
@@ -63,6 +62,7 @@ impl Matcher {
                     range,
                     &like,
                     predicted,
+                    Some(&rivals),
                     lost,
                     |spot, row, range, list| sightings.find(&like, (spot, row), range, list),
                 );

@@ -7,13 +7,14 @@
 
 use messages::{NONE, Reason};
 
-use crate::Range;
+use crate::rivals::{APART, Rivals};
 use crate::rows::{Rows, Spot, is_flat, turn};
 use crate::surroundings::Surroundings;
 use crate::triple::Steps;
+use crate::{Range, Settings};
 
 /// A pair of points in the two other views that may show the same place as a point of the reference view.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     /// Disparity between neighbouring views.
     pub(crate) disparity: f32,
@@ -25,6 +26,32 @@ pub(crate) struct Candidate {
     pub(crate) spots: [u32; 2],
     /// The curves they belong to.
     pub(crate) curves: [u32; 2],
+    /// What its cheapest rival costs that the search did not see.
+    pub(crate) rival: f32,
+    /// Whether it is part of a pattern whose next ones it is not told from.
+    pub(crate) repeats: bool,
+}
+
+impl Candidate {
+    /// A candidate found where the search sees it.
+    pub(crate) const FOUND: Self = Self {
+        disparity: 0.0,
+        cost: 0.0,
+        bend: 0.0,
+        spots: [NONE; 2],
+        curves: [NONE; 2],
+        rival: f32::INFINITY,
+        repeats: false,
+    };
+
+    /// What the cheapest one costs that the point might be instead, seen or not; no more than choosing nothing, 1.
+    pub(crate) fn rival_among(&self, all: &[Self]) -> f32 {
+        let elsewhere = all
+            .iter()
+            .filter(|other| (other.disparity - self.disparity).abs() > APART);
+        let seen = elsewhere.map(|other| other.cost).fold(1.0, f32::min);
+        seen.min(self.rival)
+    }
 }
 
 /// How likeness is weighed.
@@ -42,7 +69,7 @@ pub(crate) struct Likeness {
     pub(crate) miss_cost: f32,
     /// Cost of being seen in none of more than two other views.
     pub(crate) unseen_cost: f32,
-    /// Cost of one gray level.
+    /// Cost of a sixteenth of an edge's own step.
     pub(crate) gray_cost: f32,
     /// Most that gray levels cost.
     pub(crate) gray_most: f32,
@@ -86,7 +113,7 @@ impl Candidates {
     }
 
     /// Collects the candidates of every point of the reference view, in the whole range of disparities or in what is
-    /// predicted around each: `search` appends those of a point, and says why there are no others. Why a point has none,
+    /// predicted around each, and their rivals: `search` appends those of a point, and says why there are no others. Why a point has none,
     /// or will hardly choose one, goes to `lost`.
     pub(crate) fn gather(
         &mut self,
@@ -94,6 +121,7 @@ impl Candidates {
         range: Range,
         like: &Likeness,
         predicted: Option<&Surroundings>,
+        rivals: Option<&Rivals<'_>>,
         lost: &mut [Reason],
         mut search: impl FnMut(&Spot, usize, Range, &mut Vec<Candidate>) -> Reason,
     ) {
@@ -106,8 +134,12 @@ impl Candidates {
                     continue;
                 }
                 let start = self.list.len();
-                let range =
-                    predicted.map_or(range, |predicted| predicted.range(spot.x, row as f32));
+                let period = rivals.and_then(|rivals| rivals.period(like, (spot, row)));
+                // Thin bars escape a coarser channel, which knows what is behind them.
+                let range = match predicted {
+                    Some(predicted) if period.is_none() => predicted.range(spot.x, row as f32),
+                    _ => range,
+                };
                 let reason = search(spot, row, range, &mut self.list);
                 let own = &mut self.list[start..];
                 own.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.spots.cmp(&b.spots)));
@@ -117,6 +149,10 @@ impl Candidates {
                 };
                 self.list
                     .truncate(start + like.keep.min(self.list.len() - start));
+                if let Some(rivals) = rivals {
+                    let own = &mut self.list[start..];
+                    rivals.judge(like, (spot, row), range, period, own);
+                }
                 self.of_point[spot.point as usize] =
                     (start as u32, (self.list.len() - start) as u32);
             }
@@ -149,9 +185,9 @@ pub(crate) fn pairs(
                 list.push(Candidate {
                     disparity: short,
                     cost,
-                    bend: 0.0,
                     spots: [n as u32, NONE],
                     curves: [beside.curve, NONE],
+                    ..Candidate::FOUND
                 });
             }
             continue;
@@ -175,6 +211,7 @@ pub(crate) fn pairs(
                     bend,
                     spots: [n as u32, f as u32],
                     curves: [beside.curve, beyond.curve],
+                    ..Candidate::FOUND
                 });
             }
         }
@@ -183,6 +220,25 @@ pub(crate) fn pairs(
 }
 
 impl Likeness {
+    /// As the settings weigh it.
+    pub(crate) fn of(s: &Settings) -> Self {
+        Self {
+            turn: s.orientation_tolerance.to_radians(),
+            miss: s.miss,
+            flat: s.flat.to_radians(),
+            turn_cost: s.turn_cost,
+            miss_cost: s.miss_cost,
+            unseen_cost: s.unseen_cost,
+            gray_cost: s.gray_cost,
+            gray_most: s.gray_most,
+            better: s.better_side / (1.0 + s.better_side),
+            magnitude_cost: s.magnitude_cost,
+            nothing: s.nothing,
+            most: s.nothing + s.jump,
+            keep: s.candidates,
+        }
+    }
+
     /// Cost of taking a point for its likes in one or two other views, from which it turns by `turns` in all; they miss
     /// one straight motion by `miss` pixels.
     #[inline]
@@ -217,6 +273,24 @@ impl Likeness {
         let (left, right) = (side([3, 2, 1, 0]), side([4, 5, 6, 7]));
         let mean = self.better * left.min(right) + (1.0 - self.better) * left.max(right);
         (self.gray_cost * mean).min(self.gray_most)
+    }
+
+    /// How unlike two points of one view are on their better side; none where their gradients differ too much.
+    ///
+    /// How steep an edge is and how bright on average depends on both its sides, so gray levels are compared as they are.
+    pub(crate) fn better_side(&self, own: &Spot, other: &Spot) -> Option<f32> {
+        let turn = turn(own.orientation, other.orientation);
+        if turn > self.turn {
+            return None;
+        }
+        let (own_levels, levels) = (own.levels(), other.levels());
+        let side = |samples: std::ops::Range<usize>| {
+            let pairs = own_levels[samples.clone()].iter().zip(&levels[samples]);
+            pairs.map(|(a, b)| (a - b).abs()).sum::<f32>() / 4.0
+        };
+        let steps = 16.0 / (3.0 * own.magnitude + 3.0);
+        let gray = self.gray_cost * steps * side(0..4).min(side(4..8));
+        Some(gray + self.turn_cost * turn / self.turn)
     }
 
     fn magnitude<const N: usize>(&self, own: &Spot, others: [&Spot; N]) -> f32 {

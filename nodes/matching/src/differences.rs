@@ -66,6 +66,7 @@ pub(crate) fn row_by_row(
             run: 1,
             support: 0.0,
             witnesses: 0.0,
+            repeats: false,
         };
         if !steps.third {
             *choice = seen;

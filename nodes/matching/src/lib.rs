@@ -12,6 +12,7 @@ mod by_curve;
 mod by_point;
 mod candidates;
 mod closed_loop;
+mod contrast;
 mod differences;
 mod fuse;
 mod marr_poggio;
@@ -19,7 +20,9 @@ mod marr_poggio;
 pub mod node;
 pub mod rail;
 mod relation;
+mod repetition;
 mod report;
+mod rivals;
 mod rows;
 pub mod settings;
 mod sightings;
@@ -40,7 +43,9 @@ pub use triple::Triple;
 use along::{Along, Choice};
 use candidates::Candidates;
 use closed_loop::{Closed, ClosedLoop};
+use contrast::Contrast;
 use marr_poggio::Regions;
+use repetition::Repetition;
 use rows::Rows;
 use support::Support;
 use surroundings::Surroundings;
@@ -74,6 +79,7 @@ pub struct Matcher {
     settings: Settings,
     /// σ² of each channel.
     variances: Vec<f32>,
+    contrast: Contrast,
     rows: [Rows; 3],
     /// Those of further views than three, and by how many baselines each stands to the right of the reference view.
     further: Vec<(f32, Rows)>,
@@ -81,6 +87,7 @@ pub struct Matcher {
     along: Along,
     support: Support,
     regions: Regions,
+    repetition: Repetition,
     coarser: Surroundings,
     around: Surroundings,
     choices: Vec<Choice>,
@@ -229,11 +236,14 @@ impl Matcher {
         let steps = Steps::of(triple, self.settings.method == Method::ThreeView);
         let reference = views[steps.reference].curves;
         room.clear();
+        self.contrast
+            .measure(all.iter().map(|view| view.curves.points));
         let used = self.rows.iter_mut().zip(views).enumerate();
         for (at, (rows, view)) in used.filter(|&(view, _)| steps.uses(view)) {
             let to_the_right = triple.places[at] - triple.places[triple.reference];
             let sway = triple.beside_reference(at);
-            rows.fill(view, size, triple.drift * to_the_right, &sway);
+            let gain = self.contrast.gain(first + at);
+            rows.fill(view, size, triple.drift * to_the_right, &sway, gain);
         }
         let own = triple.places[triple.reference];
         let by_point = steps.third && self.settings.assignment == Assignment::Point;
@@ -243,7 +253,8 @@ impl Matcher {
         let seen = all.iter().enumerate().filter(is_further);
         for ((to, rows), (view, seen)) in self.further.iter_mut().zip(seen) {
             *to = view as f32 - first as f32 - own;
-            rows.fill(seen, size, triple.drift * *to, &Sway::NONE);
+            let gain = self.contrast.gain(view);
+            rows.fill(seen, size, triple.drift * *to, &Sway::NONE, gain);
         }
         self.choices.clear();
         self.choices.resize(reference.points.len(), Choice::NOTHING);

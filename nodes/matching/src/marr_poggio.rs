@@ -71,6 +71,7 @@ impl Matcher {
             range_here,
             &like,
             predicted,
+            None,
             lost,
             |spot, row, range, list| {
                 candidates::pairs(&self.rows, &steps, &like, (spot, row), range, list)
@@ -153,6 +154,7 @@ fn chosen(candidate: &Candidate) -> Choice {
         run: 1,
         support: 0.0,
         witnesses: 0.0,
+        repeats: false,
     }
 }
 

@@ -11,10 +11,13 @@ pub(crate) struct Spot {
     pub(crate) x: f32,
     /// Direction of the gradient in radians.
     pub(crate) orientation: f32,
-    /// Magnitude of the gradient.
+    /// Magnitude of the gradient, as if all views were equally contrasty.
     pub(crate) magnitude: f32,
-    /// Gray levels beside the point, in its row.
+    /// Gray levels beside the point, in its row, whatever gain, offset or gamma the view has: from their mean, which is at
+    /// 128, in sixteenths of three times the magnitude.
     pub(crate) profile: [u8; 8],
+    /// That mean, as if all views were equally contrasty.
+    pub(crate) level: f32,
     /// Index among the view's curve points.
     pub(crate) point: u32,
     /// Label of its curve.
@@ -46,8 +49,16 @@ pub(crate) struct Rows {
 
 impl Rows {
     /// Takes in the points of a view whose picture lies `lower` rows lower than the reference view's and is off by so much
-    /// beside it, so that rows and columns are those of the reference view.
-    pub(crate) fn fill(&mut self, view: &ChannelView<'_>, size: Size, lower: f32, sway: &Sway) {
+    /// beside it, so that rows and columns are those of the reference view. `gain` is what makes it as contrasty as the
+    /// other views.
+    pub(crate) fn fill(
+        &mut self,
+        view: &ChannelView<'_>,
+        size: Size,
+        lower: f32,
+        sway: &Sway,
+        gain: f32,
+    ) {
         let points = view.curves.points;
         self.curve_of.clear();
         self.curve_of.resize(points.len(), NONE);
@@ -71,12 +82,12 @@ impl Rows {
             let first = self.spots.len();
             let own = usize::try_from(row + whole as i64).ok();
             if !sway.is_none() {
-                self.put_right(view, size, row, lower, sway);
+                self.put_right(view, size, (row, lower), sway, gain);
             } else if let Some(ends) = own.and_then(|own| own_rows.get(own..own + 2)) {
                 for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
                     if self.in_row[point as usize] {
                         let edge = &points[point as usize];
-                        let spot = Spot::new(edge, point, self.curve_of[point as usize]);
+                        let spot = Spot::new(edge, point, self.curve_of[point as usize], gain);
                         self.spots.push(spot.lifted(rest));
                     }
                 }
@@ -102,7 +113,14 @@ impl Rows {
 
     /// Adds the points that a row of the reference view shows of a view that is off: of every contour the one nearest to
     /// where the row is seen there, moved along it.
-    fn put_right(&mut self, view: &ChannelView<'_>, size: Size, row: i64, lower: f32, sway: &Sway) {
+    fn put_right(
+        &mut self,
+        view: &ChannelView<'_>,
+        size: Size,
+        (row, lower): (i64, f32),
+        sway: &Sway,
+        gain: f32,
+    ) {
         // Where the row is seen at a column.
         let seen_at =
             |column: f64| row as f64 + f64::from(lower) + sway.off(size, column, row as f64)[1];
@@ -124,7 +142,7 @@ impl Rows {
                     continue;
                 }
                 let right = sway.off(size, edge.x.into(), own as f64)[0];
-                let mut spot = Spot::new(edge, point, self.curve_of[point as usize]);
+                let mut spot = Spot::new(edge, point, self.curve_of[point as usize], gain);
                 spot.x -= right as f32;
                 self.spots.push(spot.lifted(rest as f32));
             }
@@ -182,15 +200,29 @@ impl Rows {
 }
 
 impl Spot {
-    fn new(edge: &Edge, point: u32, curve: u32) -> Self {
+    fn new(edge: &Edge, point: u32, curve: u32, gain: f32) -> Self {
+        let magnitude = gain * edge.magnitude;
+        let levels = edge.profile.map(|level| gain * f32::from(level));
+        let weighted = levels.iter().zip(WEIGHTS).map(|(level, w)| level * w);
+        let level = weighted.sum::<f32>() / WEIGHTS.iter().sum::<f32>();
+        // An edge's own step is the measure, softened where it is hardly more than noise.
+        let steps = 16.0 / (3.0 * magnitude + 3.0);
         Self {
             x: edge.x,
             orientation: edge.orientation,
-            magnitude: edge.magnitude,
-            profile: edge.profile,
+            magnitude,
+            profile: levels.map(|at| (MEAN + 0.5 + steps * (at - level)) as u8),
+            level,
             point,
             curve,
         }
+    }
+
+    /// The gray levels beside it, as if all views were equally contrasty.
+    pub(crate) fn levels(&self) -> [f32; 8] {
+        let step = (3.0 * self.magnitude + 3.0) / 16.0;
+        let level = |at| self.level + step * (f32::from(at) - MEAN);
+        self.profile.map(level)
     }
 
     /// Where its contour crosses a row that lies so much lower, at most half a row: along the tangent, which is
@@ -207,6 +239,12 @@ impl Spot {
         }
     }
 }
+
+/// What the mean of a profile is.
+const MEAN: f32 = 128.0;
+
+/// Weights of a profile's samples in its mean: the middle ones of either side are steadiest.
+const WEIGHTS: [f32; 8] = [3.0, 6.0, 7.0, 4.0, 4.0, 7.0, 6.0, 3.0];
 
 /// Columns a row that a contour is followed to another row.
 const STEEPEST: f32 = 4.0;
@@ -229,4 +267,74 @@ pub(crate) fn is_flat(orientation: f32, flat: f32) -> bool {
 /// The same as [`Edge::is_in_row`], without a call to the mathematical library.
 fn is_in_row(edge: &Edge) -> bool {
     edge.y as u32 as f32 == edge.y
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::candidates::Likeness;
+
+    /// Spots row by row, as if a view had them.
+    pub(crate) fn rows_of(size: Size, spots: impl Fn(usize) -> Vec<Spot>) -> Rows {
+        let mut rows = Rows {
+            per_row: size.width as usize / CELL + 1,
+            starts: vec![0],
+            ..Rows::default()
+        };
+        for row in 0..size.height as usize {
+            let own = spots(row);
+            let start = rows.spots.len();
+            for cell in 0..rows.per_row {
+                let before = own.iter().filter(|spot| (spot.x as usize / CELL) < cell);
+                rows.cells.push((start + before.count()) as u32);
+            }
+            rows.spots.extend(own);
+            rows.starts.push(rows.spots.len() as u32);
+        }
+        rows
+    }
+
+    /// The default weights of what is compared.
+    pub(crate) fn likeness() -> Likeness {
+        Likeness::of(&crate::Settings::default())
+    }
+
+    #[test]
+    fn gain_and_offset_change_nothing_that_is_compared() {
+        let edge = Edge {
+            x: 10.0,
+            y: 3.0,
+            magnitude: 12.0,
+            orientation: 0.2,
+            profile: [40, 44, 50, 60, 110, 122, 126, 130],
+        };
+        let spot = Spot::new(&edge, 0, 0, 1.0);
+        for (gain, offset) in [(0.5, 0.0), (0.5, 40.0), (1.0, 60.0), (1.6, 5.0)] {
+            let seen = Edge {
+                magnitude: gain * edge.magnitude,
+                profile: edge
+                    .profile
+                    .map(|level| (gain * f32::from(level) + offset).round() as u8),
+                ..edge
+            };
+            let seen = Spot::new(&seen, 0, 0, 1.0 / gain);
+            assert!((seen.magnitude - spot.magnitude).abs() < 1e-4);
+            for (a, b) in spot.profile.into_iter().zip(seen.profile) {
+                assert!(a.abs_diff(b) <= 1, "{:?} {:?}", spot.profile, seen.profile);
+            }
+        }
+    }
+
+    #[test]
+    fn gray_levels_are_found_again_in_a_relative_profile() {
+        let edge = Edge {
+            magnitude: 9.0,
+            profile: [40, 44, 50, 60, 110, 122, 126, 130],
+            ..Edge::default()
+        };
+        let levels = Spot::new(&edge, 0, 0, 1.0).levels();
+        for (level, was) in levels.into_iter().zip(edge.profile) {
+            assert!((level - f32::from(was)).abs() < 2.0, "{level} {was}");
+        }
+    }
 }

@@ -4,7 +4,7 @@
 //! precise, and a vote, which makes it more certain: what two views propose by chance the others do not confirm. A point
 //! is often hidden in some views, mostly in those of one side, so it need not be seen in all.
 
-use messages::{NONE, Reason};
+use messages::Reason;
 
 use crate::Range;
 use crate::candidates::{Candidate, Likeness};
@@ -262,8 +262,7 @@ impl<'a> Sightings<'a> {
             disparity,
             cost,
             bend,
-            spots: [NONE; 2],
-            curves: [NONE; 2],
+            ..Candidate::FOUND
         };
         for seen in &self.seen {
             let look = &self.looks[seen.look];
@@ -281,7 +280,7 @@ const SAME: f32 = 0.1;
 
 impl Likeness {
     /// How unlike two points are, wherever they lie; none where their gradients differ too much.
-    fn alike(&self, own: &Spot, other: &Spot) -> Option<f32> {
+    pub(crate) fn alike(&self, own: &Spot, other: &Spot) -> Option<f32> {
         let turn = turn(own.orientation, other.orientation);
         (turn <= self.turn).then(|| self.cost(own, [other], turn, 0.0))
     }

@@ -1,0 +1,191 @@
+//! What a point might be instead, other than the search sees it: rivals whose partners lie outside the other pictures or
+//! beyond the disparities searched, and the next ones of a pattern that repeats.
+//!
+//! A pattern along the row makes aliases: a point is taken for the next one of its kind. As long as all of them are
+//! candidates, none is much cheaper than the others, and the point is left alone. Two things hide the true one:
+//!
+//! - its partners lie outside, or its disparity is beyond the range. Where the reference view has a like point at distance
+//!   P in the same row, a candidate of disparity d has rivals at d ± P, unless the pictures that do see that place show
+//!   nothing like it there;
+//! - before a background that moves otherwise only one side of it is the same in all views, while an alias that comes near
+//!   the background's disparity pleases both. Points of a pattern ([`Repetition`]) are not told from its next ones, unless
+//!   both its ends are seen, by the same number of likes, in all views.
+
+use messages::NONE;
+
+use crate::Range;
+use crate::candidates::{Candidate, Likeness};
+use crate::repetition::{self, BORDER, Repetition};
+use crate::rows::{Rows, Spot};
+use crate::triple::Steps;
+
+/// Pixels of disparity within which two candidates are not rivals.
+pub(crate) const APART: f32 = 1.0;
+
+/// The search for rivals.
+#[derive(Debug)]
+pub(crate) struct Rivals<'a> {
+    own: &'a Rows,
+    /// The near and the far view, with how many baselines to the right of the reference view they stand.
+    beside: [(&'a Rows, f32); 2],
+    /// How many of them have a say.
+    count: usize,
+    further: &'a [(f32, Rows)],
+    repetition: &'a Repetition,
+    width: f32,
+    /// All disparities that are searched.
+    full: Range,
+    /// Baselines to the near view: a pattern's period over it is what its aliases differ by.
+    unit: f32,
+}
+
+impl<'a> Rivals<'a> {
+    pub(crate) fn new(
+        rows: &'a [Rows; 3],
+        steps: &Steps,
+        further: &'a [(f32, Rows)],
+        repetition: &'a Repetition,
+        (width, full): (u32, Range),
+    ) -> Self {
+        Self {
+            own: &rows[steps.reference],
+            beside: [
+                (&rows[steps.near], steps.to_near),
+                (&rows[steps.far], steps.to_far),
+            ],
+            count: if steps.third { 2 } else { 1 },
+            further,
+            repetition,
+            width: width as f32,
+            full,
+            unit: steps.to_near.abs(),
+        }
+    }
+
+    /// What the disparities of a point and of the next one of its pattern differ by.
+    pub(crate) fn period(&self, like: &Likeness, at: (&Spot, usize)) -> Option<f32> {
+        let period = self.repetition.period(self.own, like, at)?;
+        Some(period / self.unit)
+    }
+
+    /// Tells a point's candidates, cheapest first and found in this range, what their cheapest rivals cost that the search
+    /// did not see, and whether they are part of a pattern of this period.
+    pub(crate) fn judge(
+        &self,
+        like: &Likeness,
+        at: (&Spot, usize),
+        range: Range,
+        period: Option<f32>,
+        candidates: &mut [Candidate],
+    ) {
+        // What is not worth choosing needs no rivals.
+        let worth = candidates
+            .iter_mut()
+            .take_while(|candidate| candidate.cost < like.nothing);
+        for candidate in worth {
+            candidate.rival = self.hidden(like, at, range, candidate.disparity);
+            candidate.repeats = period.is_some_and(|period| {
+                self.has_alias(candidate.disparity, period)
+                    && !self.ends_agree(like, at, period, candidate)
+            });
+        }
+    }
+
+    /// The other views that have a say.
+    fn looks(&self) -> impl Iterator<Item = (&'a Rows, f32)> {
+        let further = self.further.iter().map(|(to, rows)| (rows, *to));
+        self.beside[..self.count].iter().copied().chain(further)
+    }
+
+    /// Whether a column is in the picture, and points are found there.
+    fn is_inside(&self, x: f32) -> bool {
+        (BORDER..=self.width - 1.0 - BORDER).contains(&x)
+    }
+
+    /// Whether the search cannot find a point of this disparity: two other views must show it.
+    fn is_out_of_sight(&self, x: f32, disparity: f32) -> bool {
+        let shown = self
+            .looks()
+            .filter(|(_, to)| self.is_inside(x - to * disparity));
+        shown.count() < self.count
+    }
+
+    /// The cost of the cheapest rival that the search did not see.
+    fn hidden(
+        &self,
+        like: &Likeness,
+        (spot, row): (&Spot, usize),
+        range: Range,
+        disparity: f32,
+    ) -> f32 {
+        // Where a coarser channel narrowed the search, it excluded what is beyond. Else what is nearer than the nearest
+        // searched is asked for too.
+        let is_whole = range.least <= self.full.least && range.most >= self.full.most;
+        let most = match is_whole {
+            true => 2.0 * self.full.most - self.full.least,
+            false => range.most,
+        };
+        let is_beyond = |other: f32| other > range.most || self.is_out_of_sight(spot.x, other);
+        let mut least = f32::INFINITY;
+        if !is_whole && !is_beyond(range.least) && !is_beyond(range.most) {
+            return least;
+        }
+        let reach = self.unit * (disparity - range.least).max(most - disparity);
+        for (_, other) in self.own.between(row, spot.x - reach, spot.x + reach) {
+            let by = (other.x - spot.x).abs() / self.unit;
+            if by <= APART {
+                continue;
+            }
+            for rival in [disparity - by, disparity + by] {
+                if !(range.least..=most).contains(&rival) || !is_beyond(rival) {
+                    continue;
+                }
+                let Some(cost) = like.alike(spot, other).filter(|cost| *cost < least) else {
+                    continue;
+                };
+                least = least.min(cost.max(self.unlike_at(like, (spot, row), rival)));
+            }
+        }
+        least
+    }
+
+    /// How unlike at most the other views are where a point of this disparity would be; nothing of those in which it is
+    /// outside.
+    fn unlike_at(&self, like: &Likeness, (spot, row): (&Spot, usize), disparity: f32) -> f32 {
+        let unlike = |(rows, to): (&Rows, f32)| {
+            let x = spot.x - to * disparity;
+            if !self.is_inside(x) {
+                return 0.0;
+            }
+            let there = rows.between(row, x - like.miss, x + like.miss);
+            let costs = there.filter_map(|(_, other)| like.alike(spot, other));
+            costs.fold(f32::INFINITY, f32::min)
+        };
+        self.looks().map(unlike).fold(0.0, f32::max)
+    }
+
+    /// Whether the next ones of a pattern are among what is searched.
+    fn has_alias(&self, disparity: f32, period: f32) -> bool {
+        disparity - period >= self.full.least - APART || disparity + period <= self.full.most + APART
+    }
+
+    /// Whether a candidate's partners have as many likes to either side as the point itself, up to both ends.
+    fn ends_agree(
+        &self,
+        like: &Likeness,
+        (spot, row): (&Spot, usize),
+        period: f32,
+        candidate: &Candidate,
+    ) -> bool {
+        let followers = |rows: &Rows, spot: &Spot| {
+            repetition::followers(rows, like, (spot, row), period * self.unit, self.width)
+        };
+        let Some(own) = followers(self.own, spot) else {
+            return false;
+        };
+        let mut partners = candidate.spots.iter().zip(&self.beside);
+        partners.all(|(&at, (rows, _))| {
+            at == NONE || followers(rows, &rows.spots[at as usize]) == Some(own)
+        })
+    }
+}
