@@ -17,6 +17,7 @@ pub mod bus;
 pub mod calibration;
 #[cfg(any(feature = "bus", feature = "record"))]
 pub mod change;
+pub mod contrast;
 pub mod door;
 pub mod header;
 pub mod health;
@@ -33,6 +34,7 @@ pub mod synchronisation;
 pub mod topic;
 
 pub use calibration::Calibration;
+pub use contrast::Contrast;
 pub use header::{Header, NONE, Size, Sway};
 pub use payload::{
     AnyView, Curve, Curves, CurvesRoom, CurvesView, Difference, Disparity, DisparityRoom,

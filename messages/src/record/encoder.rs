@@ -152,6 +152,12 @@ impl Encoder {
         for (header, message) in scan {
             statistics.add(header, *message);
         }
+        let of_finest = scan.iter().filter(|(header, _)| header.channel == finest);
+        let curves = of_finest.filter_map(|(_, message)| match message {
+            AnyView::Curves(curves) => Some(curves.points),
+            _ => None,
+        });
+        statistics.compare(&curves.collect::<Vec<_>>());
 
         for (index, channel) in channels.iter().enumerate() {
             if !sink.wants(index) {

@@ -92,6 +92,8 @@ impl Schema {
         properties.insert("known".to_owned(), number());
         properties.insert("matched".to_owned(), number());
         properties.insert("disparity".to_owned(), number());
+        properties.insert("contrast_least".to_owned(), number());
+        properties.insert("contrast_most".to_owned(), number());
         let stages = crate::Stage::ALL.map(|stage| (stage.name().to_owned(), number()));
         properties.insert(
             "milliseconds".to_owned(),

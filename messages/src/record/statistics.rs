@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::contrast::Contrast;
 use crate::header::Header;
-use crate::payload::AnyView;
+use crate::payload::{AnyView, Edge};
 
 /// Milliseconds a scan took in each stage, all views and channels together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -52,6 +53,13 @@ pub struct Statistics {
     /// Mean disparity of the points in space, in pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub disparity: Option<f64>,
+    /// Gradient magnitude that a quarter of the curve points exceed, in gray levels a pixel, in the finest channel: of the
+    /// least contrasty view …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contrast_least: Option<f64>,
+    /// … and of the most contrasty one. The same view on a rail, where it tells how the light changes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contrast_most: Option<f64>,
     /// On a rail, points of the map that it settles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settled: Option<u64>,
@@ -65,6 +73,15 @@ pub struct Statistics {
 }
 
 impl Statistics {
+    /// Compares the views of the finest channel by their curve points.
+    pub fn compare(&mut self, views: &[&[Edge]]) {
+        let mut contrast = Contrast::default();
+        contrast.measure(views.iter().copied());
+        let known = contrast.of_views().iter().copied().map(f64::from);
+        self.contrast_least = known.clone().min_by(f64::total_cmp);
+        self.contrast_most = known.max_by(f64::total_cmp);
+    }
+
     /// Adds a message to the scan's numbers.
     pub fn add(&mut self, header: &Header, view: AnyView<'_>) {
         let milliseconds = header.elapsed_nanos as f64 / 1e6;

@@ -231,8 +231,8 @@ pub(crate) fn keep_runs(choices: &mut [Choice], lost: &mut [Reason], steadiness:
         let margin: f32 = choices.iter().map(|choice| choice.margin).sum();
         let is_short = seen < steadiness.least;
         let repeated = choices.iter().filter(|choice| choice.repeats).count();
-        let is_ambiguous = margin < steadiness.margin * seen as f32
-            || repeated as f32 > REPEATED * seen as f32;
+        let is_ambiguous =
+            margin < steadiness.margin * seen as f32 || repeated as f32 > REPEATED * seen as f32;
         let forgotten = is_short || is_ambiguous;
         let chosen = choices.iter_mut().zip(&mut lost[start..]);
         for (choice, lost) in chosen.filter(|(choice, _)| choice.is_some()) {
@@ -345,6 +345,7 @@ pub(crate) fn straighten(choices: &mut [Choice], reach: usize, step: f32, smooth
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::candidates::Candidate;
 
     fn chance(seed: usize) -> f32 {
         let mixed = (seed as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);

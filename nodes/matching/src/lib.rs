@@ -12,7 +12,6 @@ mod by_curve;
 mod by_point;
 mod candidates;
 mod closed_loop;
-mod contrast;
 mod differences;
 mod fuse;
 mod marr_poggio;
@@ -33,7 +32,8 @@ mod vote;
 mod windows;
 
 use messages::{
-    Calibration, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, Sway, TablesView,
+    Calibration, Contrast, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, Sway,
+    TablesView,
 };
 
 pub use messages::Reference;
@@ -43,7 +43,6 @@ pub use triple::Triple;
 use along::{Along, Choice};
 use candidates::Candidates;
 use closed_loop::{Closed, ClosedLoop};
-use contrast::Contrast;
 use marr_poggio::Regions;
 use repetition::Repetition;
 use rows::Rows;
@@ -79,6 +78,7 @@ pub struct Matcher {
     settings: Settings,
     /// σ² of each channel.
     variances: Vec<f32>,
+    /// Of the views, in the channel matched last.
     contrast: Contrast,
     rows: [Rows; 3],
     /// Those of further views than three, and by how many baselines each stands to the right of the reference view.
@@ -117,6 +117,11 @@ impl Matcher {
     /// Its settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// How contrasty the views last matched are, in the finest channel.
+    pub fn contrast(&self) -> &Contrast {
+        &self.contrast
     }
 
     /// Matches one scan of a rig: `inputs` holds the channels coarse to fine, each with its three or more views left to

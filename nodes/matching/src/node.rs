@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use messages::bus::{Bus, BusError, Filled, Joined, Outputs, Start};
-use messages::{Curves, Disparity, Header, Kind, Matches, NONE, Points, Rail, Rig, Tables};
+use messages::bus::{Bus, BusError, Filled, Joined, Level, Outputs, Start};
+use messages::{
+    Contrast, Curves, Disparity, Header, Kind, Matches, NONE, Points, Rail, Rig, Tables,
+};
 
 use crate::rail::{self, Frames, NoTriple, Turn};
 use crate::{ChannelView, Matcher, Settings, Triple};
@@ -20,6 +22,7 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     let channels = rig.channels.clone();
     let mut matcher = bus.tuned(&settings, move |settings| Matcher::new(settings, &channels))?;
     let mut count = Count::default();
+    let mut uneven = Uneven::default();
     let mut frames = rig.rail.map(|rail| (rail, Frames::new(rail)));
     bus.ready()?;
     while let Some(scan) = bus.next_scan(&mut scans)? {
@@ -29,6 +32,7 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
             let matcher = matcher.at(&header)?;
             let found = Found::Scan(&scan);
             match_views(matcher, &rig, &header, found, &results, &mut count)?;
+            uneven.tell(bus, &rig, matcher.contrast());
             done.done(scan.sequence)?;
             continue;
         };
@@ -76,6 +80,53 @@ impl Count {
         self.points += points;
         if let Some(why) = without {
             *self.without.entry(why).or_default() += 1;
+        }
+    }
+}
+
+/// Whether it was said that a rig's views are unevenly bright.
+#[derive(Debug, Default)]
+struct Uneven {
+    is_told: bool,
+}
+
+impl Uneven {
+    /// Contrast beside that of the most contrasty view from which on nothing is said.
+    const EVEN: f32 = 0.9;
+    /// Contrast below which a view's weak edges are lost, or the others' bright ones.
+    const POOR: f32 = 0.35;
+
+    /// Says once how much less contrasty views are than the most contrasty one.
+    fn tell(&mut self, bus: &Bus, rig: &Rig, contrast: &Contrast) {
+        if self.is_told {
+            return;
+        }
+        let of_views = contrast.of_views();
+        let best = (0..of_views.len()).max_by(|&a, &b| of_views[a].total_cmp(&of_views[b]));
+        let Some(best) = best.filter(|&best| of_views[best] > 0.0) else {
+            return;
+        };
+        let share = |view: usize| of_views[view] / of_views[best];
+        let name = |view: usize| &rig.views[view].name;
+        let uneven = (0..of_views.len()).filter(|&view| share(view) < Self::EVEN);
+        let uneven: Vec<String> = uneven
+            .map(|view| format!("{} is {:.2} of {}", name(view), share(view), name(best)))
+            .collect();
+        if uneven.is_empty() {
+            return;
+        }
+        self.is_told = true;
+        let uneven = uneven.join(", ");
+        match (0..of_views.len()).any(|view| share(view) < Self::POOR) {
+            true => bus.doubt(format!(
+                "{uneven} in contrast, too little to find its weak edges: expose all cameras alike"
+            )),
+            false => bus.log(
+                Level::Info,
+                format!(
+                    "{uneven} in contrast; it is made good, and thresholds are each view's own"
+                ),
+            ),
         }
     }
 }

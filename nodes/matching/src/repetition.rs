@@ -20,8 +20,10 @@ const UNLIKE: f32 = 0.7;
 const NEXT: f32 = 3.0;
 /// Columns of a period below which a coarser channel's prediction keeps its aliases apart.
 const FINE: f32 = 9.0;
+/// Share of the points that recur at a period which recur at a part of it where that is the true one.
+const AS_MANY: f32 = 0.7;
 /// Votes between two multiples of a period count so many times against it.
-const BETWEEN: f32 = 2.0;
+const BETWEEN: f32 = 1.0;
 /// Points in and around a cell below which nothing is said.
 const FEW: f32 = 10.0;
 /// Columns by which the next of a row of likes may miss its place.
@@ -76,6 +78,9 @@ impl Repetition {
         }
         self.repeats.clear();
         self.repeats.resize(cells, false);
+        if share >= 1.0 {
+            return;
+        }
         for row in (0..own.count()).step_by(EVERY) {
             self.vote(own, like, row);
         }
@@ -168,9 +173,10 @@ impl Repetition {
         let least = distances
             .map(|(distance, _)| distance)
             .min_by(f32::total_cmp)?;
+        let shared = self.recurring(cell, least).unwrap_or_default();
         let is_multiple = (2..=4)
             .map(|parts| least / parts as f32)
-            .any(|part| part > NEXT && part < FINE && is_shared(part, self.share));
+            .any(|part| part > NEXT && part < FINE && is_shared(part, AS_MANY * shared));
         (!is_multiple).then_some(least)
     }
 }
@@ -234,12 +240,14 @@ mod tests {
                 ..Spot::default()
             }
         };
-        rows_of(SIZE, |row| bars.clone().map(move |at| bar(row, at)).collect())
+        rows_of(SIZE, |row| {
+            bars.clone().map(move |at| bar(row, at)).collect()
+        })
     }
 
     fn measured(rows: &Rows) -> Repetition {
         let mut repetition = Repetition::default();
-        repetition.measure(rows, &likeness(), SIZE, (80.0, 2.0, 0.12));
+        repetition.measure(rows, &likeness(), SIZE, (80.0, 2.0, 0.16));
         repetition
     }
 
@@ -256,7 +264,12 @@ mod tests {
     #[test]
     fn points_at_chance_distances_repeat_nowhere() {
         let rows = rows_of(SIZE, |row| {
-            let places = (0..20).map(|at| (at * 7919 + row * 104_729 + at * at * row * 31) % 300);
+            let places = (0..20).map(|at| {
+                let mixed = (at + 64 * row) as u64 + 1;
+                let mixed = (mixed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (mixed << 17))
+                    .wrapping_mul(0xBF58_476D_1CE4_E5B9);
+                (mixed >> 33) as usize % 300
+            });
             let mut places: Vec<usize> = places.collect();
             places.sort_unstable();
             let spot = |x: usize| Spot {

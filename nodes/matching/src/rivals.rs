@@ -166,7 +166,8 @@ impl<'a> Rivals<'a> {
 
     /// Whether the next ones of a pattern are among what is searched.
     fn has_alias(&self, disparity: f32, period: f32) -> bool {
-        disparity - period >= self.full.least - APART || disparity + period <= self.full.most + APART
+        disparity - period >= self.full.least - APART
+            || disparity + period <= self.full.most + APART
     }
 
     /// Whether a candidate's partners have as many likes to either side as the point itself, up to both ends.

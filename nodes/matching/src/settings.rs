@@ -102,7 +102,7 @@ messages::settings! {
         pub margin: f32 = 0.1, in 0..=10;
         /// Share of the points around a place that recur at one distance along their rows, from which on they are a
         /// pattern, and left alone unless its ends tell them apart; with 1 patterns are not looked for.
-        pub repetition: f32 = 0.12, in 0..=1;
+        pub repetition: f32 = 0.16, in 0..=1;
         /// Whether of several points that land on one place of another view only the best is kept.
         pub unique: bool = true;
         /// Points to either side to which a line is fitted for a disparity; 0 keeps it as measured.
@@ -119,7 +119,7 @@ messages::settings! {
         pub support_cell: f32 = 8.0, in 4..=128;
         /// Least chance to be right within a pixel of a point that is reported, where points along curves choose for
         /// themselves; 0 reports all. 0.98 covers 0.012 more and is wrong a fifth more often.
-        pub score_least: f32 = 0.994, in 0..=1;
+        pub score_least: f32 = 0.989, in 0..=1;
         /// Pixels around a finer channel's points that coarser ones leave alone. 2 cover 0.02 less at equal errors.
         pub fill_in_radius: usize = 0, in 0..=32;
         /// Whether coarser channels fill in at all.

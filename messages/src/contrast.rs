@@ -1,21 +1,21 @@
-//! How contrasty views are beside each other: no two cameras are equally bright, and lamps flicker.
+//! How contrasty views are: no two cameras are equally bright, and lamps flicker.
 
-use messages::Edge;
+use crate::Edge;
 
 /// Of the points that every view has, the strongest are compared: weak ones come and go with noise.
 const STRONGEST: usize = 4;
 
-/// By what each view's gray levels are multiplied so that all are as contrasty as the most contrasty one.
+/// The contrast of views in a channel, with its memory: the gradient magnitude, in gray levels a pixel, that equally many
+/// of each view's curve points exceed.
 #[derive(Debug, Default)]
-pub(crate) struct Contrast {
+pub struct Contrast {
     magnitudes: Vec<f32>,
-    /// Of each view the gradient magnitude that equally many of its points exceed.
-    pub(crate) of_view: Vec<f32>,
+    of_view: Vec<f32>,
 }
 
 impl Contrast {
     /// Compares views by their curve points.
-    pub(crate) fn measure<'a>(&mut self, views: impl Iterator<Item = &'a [Edge]> + Clone) {
+    pub fn measure<'a>(&mut self, views: impl Iterator<Item = &'a [Edge]> + Clone) {
         let least = views.clone().map(<[Edge]>::len).min().unwrap_or(0);
         self.of_view.clear();
         for points in views {
@@ -33,8 +33,13 @@ impl Contrast {
         }
     }
 
-    /// By what a view's gray levels are multiplied.
-    pub(crate) fn gain(&self, view: usize) -> f32 {
+    /// View by view; 0 of one without points.
+    pub fn of_views(&self) -> &[f32] {
+        &self.of_view
+    }
+
+    /// By what a view's gray levels are multiplied to be as contrasty as the most contrasty view's.
+    pub fn gain(&self, view: usize) -> f32 {
         let most = self.of_view.iter().copied().fold(0.0, f32::max);
         match self.of_view[view] > 0.0 {
             true => most / self.of_view[view],
@@ -59,7 +64,12 @@ mod tests {
     fn the_gain_of_a_darker_view_is_found_though_its_weak_points_are_missing() {
         let bright = edges((0..1000).map(|at| 40.0 * 0.995f32.powi(at)));
         // Below 2 gray levels a pixel nothing is found.
-        let dark = edges(bright.iter().map(|e| 0.4 * e.magnitude).filter(|&m| m > 2.0));
+        let dark = edges(
+            bright
+                .iter()
+                .map(|e| 0.4 * e.magnitude)
+                .filter(|&m| m > 2.0),
+        );
         assert!(dark.len() < 500);
         let mut contrast = Contrast::default();
         contrast.measure([&bright[..], &dark[..], &bright[..]].into_iter());
