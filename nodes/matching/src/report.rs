@@ -131,7 +131,7 @@ fn change(choices: &[Choice], at: usize) -> f32 {
 /// Fitted to the errors over 1 px among 1,000,000 fused points of fourteen Middlebury scenes (2005/06, half size, views
 /// 1,3,5, each scene of equal weight; without Midd1 and Midd2, most of whose errors are the truth's). A scene left out of
 /// the fit is ranked as well: area under the curve 0.89. Of points said to be wrong with a chance of 0.02, 0.06, 0.17,
-/// 0.5, 1.6, 6.8 % there were 0.01, 0.03, 0.15, 0.7, 2.1, 5.0 % wrong.
+/// 0.5, 1.6, 6.7 % there were 0.02, 0.02, 0.16, 0.7, 2.0, 5.0 % wrong.
 ///
 /// Witnesses count most: a false match finds few neighbours that agree with it by chance. Points of long runs are wrong
 /// more often than their neighbours and their cost tell, because the longest contours are those of occluding edges; cost and
@@ -141,14 +141,18 @@ fn change(choices: &[Choice], at: usize) -> f32 {
 ///
 /// The other ways of matching share the order, not the chance.
 fn confidence(choice: &Choice, change: f32) -> f32 {
-    let odds = 1.79 * (1.0 + choice.witnesses).ln() - 8.25 * (1.0 - choice.support)
-        + 1.45 * choice.margin
-        - 0.36 * change
-        - 0.97 * choice.cost
-        - 0.50 * (choice.run.max(1) as f32).ln()
-        + 1.64;
+    let run = choice.run.clamp(1, LONG) as f32;
+    let odds = 1.81 * (1.0 + choice.witnesses).ln() - 8.17 * (1.0 - choice.support)
+        + 1.40 * choice.margin
+        - 0.27 * change
+        - 0.98 * choice.cost
+        - 0.71 * run.ln()
+        + 2.05;
     1.0 / (1.0 + (-odds).exp())
 }
+
+/// Points of a run from which on it is a long one.
+const LONG: u32 = 32;
 
 #[cfg(test)]
 mod tests {
@@ -162,7 +166,7 @@ mod tests {
             support: 0.9,
             witnesses: 12.0,
             cost: 0.2,
-            run: 10,
+            run: 20,
             ..Choice::NOTHING
         };
         let surer = [
@@ -188,7 +192,7 @@ mod tests {
                 0.2,
             ),
             (Choice { cost: 0.1, ..plain }, 0.2),
-            (Choice { run: 9, ..plain }, 0.2),
+            (Choice { run: 19, ..plain }, 0.2),
             (plain, 0.1),
         ];
         let score = confidence(&plain, 0.2);

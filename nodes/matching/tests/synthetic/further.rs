@@ -4,12 +4,12 @@ use matching::{Matcher, Method, Reference, Settings};
 use messages::Edge;
 
 use super::scene::{Found, Scene, View, chance, wavy};
-use super::{SIZE, many, run};
+use super::{SIZE, lone, many, run};
 
 fn with_reference(view: u32) -> Settings {
     Settings {
         reference: Reference::View(view),
-        ..Settings::default()
+        ..lone()
     }
 }
 

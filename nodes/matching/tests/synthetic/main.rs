@@ -11,6 +11,14 @@ use scene::{Found, Scene, View, chance, wavy};
 
 const SIZE: Size = Size::new(400, 300);
 
+/// The default, but of a lone curve, whose ends have few neighbours to bear witness, everything is reported.
+fn lone() -> Settings {
+    Settings {
+        score_least: 0.9,
+        ..Settings::default()
+    }
+}
+
 fn run(scene: &Scene, settings: &Settings) -> Found {
     scene.run(&mut Matcher::new(settings, &[1.0]), SIZE)
 }
@@ -40,12 +48,12 @@ fn ways() -> impl Iterator<Item = Settings> {
         [Assignment::Point, Assignment::Curve].map(|assignment| Settings {
             method,
             assignment,
-            ..Settings::default()
+            ..lone()
         })
     });
     let points = Settings {
         method: Method::Point,
-        ..Settings::default()
+        ..lone()
     };
     curves.into_iter().flatten().chain([points])
 }
@@ -53,7 +61,7 @@ fn ways() -> impl Iterator<Item = Settings> {
 #[test]
 fn all_shifted_curves_are_found_and_none_is_wrong() {
     let (scene, truth) = many();
-    let found = run(&scene, &Settings::default());
+    let found = run(&scene, &lone());
     assert_eq!(found.matches.len(), truth.len());
     for (disparity, points) in truth.iter().zip(&found.by_curve(truth.len())) {
         assert!(points.len() >= 34, "{} points at {disparity}", points.len());
@@ -196,7 +204,7 @@ fn a_horizontal_stretch_is_filled_along_the_curve() {
     curve.extend(down.iter().map(|e| Edge { profile, ..*e }));
     let mut scene = Scene::default();
     scene.add(&curve, |_| 11.0);
-    let found = run(&scene, &Settings::default());
+    let found = run(&scene, &lone());
     assert_eq!(found.points.len(), curve.len());
     assert!(
         found
@@ -352,7 +360,7 @@ fn a_coarser_channel_fills_in_where_the_finest_has_nothing() {
     fine.add(&wavy(150.0, 20, 60, 1), |_| 8.0);
     let found = scene::run_channels(
         &[&coarse, &fine],
-        &mut Matcher::new(&Settings::default(), &[4.0, 1.0]),
+        &mut Matcher::new(&lone(), &[4.0, 1.0]),
         SIZE,
     );
     assert!(
@@ -463,7 +471,7 @@ fn points_that_are_not_sure_enough_are_not_reported() {
     );
     let errors = |found: &Found| found.points.iter().filter(|p| is_off_slope(p)).count();
     assert!(errors(&all) >= 20 && 4 * errors(&sure) < errors(&all));
-    assert!(sure.points.len() * 10 > all.points.len() * 8);
+    assert!(sure.points.len() * 10 > all.points.len() * 7);
 }
 
 #[test]
