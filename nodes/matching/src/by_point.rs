@@ -43,13 +43,14 @@ impl Matcher {
             &self.repetition,
             (size.width, range),
         );
+        let rivals = (s.repetition < 1.0).then_some(&rivals);
         match self.further.is_empty() {
             true => self.candidates.gather(
                 rows,
                 range,
                 &like,
                 predicted,
-                Some(&rivals),
+                rivals,
                 lost,
                 |spot, row, range, list| {
                     candidates::pairs(&self.rows, &steps, &like, (spot, row), range, list)
@@ -62,7 +63,7 @@ impl Matcher {
                     range,
                     &like,
                     predicted,
-                    Some(&rivals),
+                    rivals,
                     lost,
                     |spot, row, range, list| sightings.find(&like, (spot, row), range, list),
                 );

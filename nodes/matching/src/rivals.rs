@@ -126,7 +126,8 @@ impl<'a> Rivals<'a> {
             false => range.most,
         };
         let is_beyond = |other: f32| other > range.most || self.is_out_of_sight(spot.x, other);
-        let mut least = f32::INFINITY;
+        // What is dearer than choosing nothing is no rival.
+        let mut least = 1.0;
         if !is_whole && !is_beyond(range.least) && !is_beyond(range.most) {
             return least;
         }
@@ -136,13 +137,18 @@ impl<'a> Rivals<'a> {
             if by <= APART {
                 continue;
             }
-            for rival in [disparity - by, disparity + by] {
-                if !(range.least..=most).contains(&rival) || !is_beyond(rival) {
-                    continue;
-                }
-                let Some(cost) = like.alike(spot, other).filter(|cost| *cost < least) else {
-                    continue;
-                };
+            let is_hidden = |rival: &f32| (range.least..=most).contains(rival) && is_beyond(*rival);
+            let mut rivals = [disparity - by, disparity + by]
+                .into_iter()
+                .filter(is_hidden)
+                .peekable();
+            if rivals.peek().is_none() {
+                continue;
+            }
+            let Some(cost) = like.alike(spot, other).filter(|cost| *cost < least) else {
+                continue;
+            };
+            for rival in rivals {
                 least = least.min(cost.max(self.unlike_at(like, (spot, row), rival)));
             }
         }
