@@ -16,6 +16,26 @@ fn evaluations(world: &World, file: &str) -> Vec<Owned<Evaluation>> {
 }
 
 #[test]
+fn what_repeats_is_left_alone_from_wherever_it_is_seen() {
+    let world = World::new();
+    for reference in ["left", "centre", "right"] {
+        let evaluate = [
+            "evaluate",
+            "scene:fence",
+            "--reference",
+            reference,
+            "--json",
+        ];
+        let report = world.run(&evaluate).done().json();
+        let fence = &report["scenes"][0]["methods"][0];
+        // The walls before and behind which the patterns stand are found, and nothing is taken for its neighbour.
+        assert!(fence["points"].as_u64().unwrap() > 20_000, "{fence}");
+        assert!(fence["bad_1"].as_f64().unwrap() < 0.005, "{fence}");
+        assert!(fence["mismatches"].as_u64().unwrap() <= 3, "{fence}");
+    }
+}
+
+#[test]
 fn the_topic_and_the_command_say_the_same() {
     let world = World::new();
     let run = ["run", "--scans", "3", "--record", "x.mcap"];

@@ -75,6 +75,34 @@ fn all_shifted_curves_are_found_and_none_is_wrong() {
 }
 
 #[test]
+fn views_of_other_gain_and_offset_find_the_same_points() {
+    let (scene, truth) = many();
+    let found = run(&scene, &lone());
+    for (gain, offset) in [(0.4, 0.0), (0.6, 20.0), (1.0, 45.0), (1.3, 0.0)] {
+        for view in 0..3 {
+            let (mut other, _) = many();
+            for edge in &mut other.views[view].points {
+                edge.magnitude *= gain;
+                edge.profile = edge
+                    .profile
+                    .map(|level| (gain * f32::from(level) + offset).round() as u8);
+            }
+            let other = run(&other, &lone());
+            assert_eq!(other.matches.len(), truth.len(), "{view}: {gain}, {offset}");
+            let (count, all) = (other.points.len(), found.points.len());
+            assert!(count * 50 >= all * 49, "{count} of {all}");
+            for (disparity, points) in truth.iter().zip(&other.by_curve(truth.len())) {
+                assert!(
+                    points
+                        .iter()
+                        .all(|p| (p.disparity - disparity).abs() < 0.02)
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn whole_curves_are_found_by_votes_and_a_closed_loop_too() {
     let (scene, truth) = many();
     let found = run(
