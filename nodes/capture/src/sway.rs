@@ -371,6 +371,9 @@ fn rows(
     known
 }
 
+/// To which frame, how far the camera went on the way, and by how many columns a block moved.
+type Way = (usize, f64, f64);
+
 /// Right of every frame, in pixels, from the columns of what was followed into two or more, once turn and scale are known.
 fn columns(looked: &Looked<'_>, followed: &[Sighted], sway: &[Sway], reach: usize) -> Vec<f64> {
     let frames = sway.len();
@@ -387,9 +390,9 @@ fn columns(looked: &Looked<'_>, followed: &[Sighted], sway: &[Sway], reach: usiz
         });
         (block.from, seen.collect::<Vec<_>>())
     });
-    let blocks: Vec<(usize, Vec<(usize, f64, f64)>)> = blocks.collect();
+    let blocks: Vec<(usize, Vec<Way>)> = blocks.collect();
     // What is left of a block's columns when its own pace is taken away.
-    let rid = |ways: &[(usize, f64, f64)], columns: &[f64]| -> Vec<f64> {
+    let rid = |ways: &[Way], columns: &[f64]| -> Vec<f64> {
         let squares: f64 = ways.iter().map(|(_, way, _)| way * way).sum();
         let product: f64 = ways.iter().zip(columns).map(|((_, w, _), c)| w * c).sum();
         let pace = if squares > 0.0 {
