@@ -47,9 +47,8 @@ impl Matcher {
         match self.further.is_empty() {
             true => self.candidates.gather(
                 rows,
-                range,
+                (range, predicted),
                 &like,
-                predicted,
                 rivals,
                 lost,
                 |spot, row, range, list| {
@@ -60,9 +59,8 @@ impl Matcher {
                 let mut sightings = Sightings::new(&self.rows, &steps, &self.further, size.width);
                 self.candidates.gather(
                     rows,
-                    range,
+                    (range, predicted),
                     &like,
-                    predicted,
                     rivals,
                     lost,
                     |spot, row, range, list| sightings.find(&like, (spot, row), range, list),

@@ -118,9 +118,8 @@ impl Candidates {
     pub(crate) fn gather(
         &mut self,
         reference: &Rows,
-        range: Range,
+        (range, predicted): (Range, Option<&Surroundings>),
         like: &Likeness,
-        predicted: Option<&Surroundings>,
         rivals: Option<&Rivals<'_>>,
         lost: &mut [Reason],
         mut search: impl FnMut(&Spot, usize, Range, &mut Vec<Candidate>) -> Reason,

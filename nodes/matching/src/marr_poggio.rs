@@ -68,9 +68,8 @@ impl Matcher {
         let reference = &self.rows[steps.reference];
         self.candidates.gather(
             reference,
-            range_here,
+            (range_here, predicted),
             &like,
-            predicted,
             None,
             lost,
             |spot, row, range, list| {

@@ -257,7 +257,8 @@ mod tests {
         let repetition = measured(&rows);
         for at in rows.row(48) {
             let period = repetition.period(&rows, &likeness(), (&rows.spots[at], 48));
-            assert!((period.unwrap() - 20.0).abs() < 0.1, "{period:?}");
+            let is_right = period.is_some_and(|period| (period - 20.0).abs() < 0.1);
+            assert!(is_right, "{period:?}");
         }
     }
 
