@@ -306,6 +306,9 @@ fn without_trend(values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
+/// One number of a sway.
+type Part = fn(&Sway) -> f64;
+
 #[test]
 fn by_how_much_each_frame_is_off_is_found_to_a_twentieth_of_a_pixel_though_the_exposure_flickers() {
     let truth = sways(24, 0.7);
@@ -324,7 +327,7 @@ fn by_how_much_each_frame_is_off_is_found_to_a_twentieth_of_a_pixel_though_the_e
         let said = source.notices().join("; ");
         assert!(said.contains("the rail sways by 0."), "{said}");
         // What a turn moves at the edge of the picture, in pixels.
-        let parts: [(&str, f64, fn(&Sway) -> f64); 4] = [
+        let parts: [(&str, f64, Part); 4] = [
             ("right", 1.0, |sway| sway.right_px),
             ("down", 1.0, |sway| sway.down_px),
             ("turn", 100.0, |sway| sway.turn),
