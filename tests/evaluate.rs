@@ -64,7 +64,7 @@ fn the_topic_and_the_command_say_the_same() {
             assert_eq!(figures["points"], score.points);
             assert_eq!(figures["mismatches"], score.mismatches);
             // The method's claim: hardly a false target in any channel of the thesis's objects.
-            assert!(score.mismatches <= 3, "{scene}");
+            assert!(score.mismatches <= 2, "{scene}");
         }
         let curve = method["curve"].as_array().unwrap();
         let shares = recorded.view().curve;
@@ -76,14 +76,14 @@ fn the_topic_and_the_command_say_the_same() {
     let mismatches = |method: usize| {
         let of = |scene: &serde_json::Value| scene["methods"][method]["mismatches"].as_u64();
         let scenes = report["scenes"].as_array().unwrap();
-        scenes[..3].iter().filter_map(of).sum::<u64>() / 3
+        scenes[..3].iter().filter_map(of).sum::<u64>()
     };
     assert_eq!(
         report["methods"],
         serde_json::json!(["three-view", "point", "two-view"])
     );
     assert!(
-        mismatches(1) > 100 && mismatches(0) <= mismatches(2),
+        mismatches(1) > 1000 && mismatches(0) < mismatches(2),
         "{report}"
     );
     let again = world.run(&["replay", "x.mcap", "--from", "match", "--verify", "--json"]);

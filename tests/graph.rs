@@ -131,11 +131,11 @@ fn points_of_rendered_scenes(seed: u64) -> [usize; 3] {
     let source = capture::Source::open(&capture::Settings::default()).unwrap();
     let truths = [0, 1, 2].map(|scan| source.truth(scan, 0).unwrap().unwrap().disparity);
     let (width, height) = (source.size().width as usize, source.size().height as usize);
-    // A contour at an occlusion may belong to either side: the nearest truth within two pixels counts.
-    let around = |at: f64, length: usize| {
+    // A contour at an occlusion may belong to either side: the nearest truth around it counts.
+    let around = |at: f64, reach: f64, length: usize| {
         let at = at.round();
         let within = |k: f64| (at + k).clamp(0.0, length as f64 - 1.0) as usize;
-        within(-2.0)..=within(2.0)
+        within(-reach)..=within(reach)
     };
     let (mut counts, mut off) = ([0; 3], Vec::new());
     for line in std::fs::read_to_string(world.path("x.csv"))
@@ -148,17 +148,22 @@ fn points_of_rendered_scenes(seed: u64) -> [usize; 3] {
             .map(|field| field.parse().unwrap_or(f64::NAN))
             .collect();
         let (scan, x, y, disparity) = (fields[0] as usize, fields[4], fields[5], fields[6]);
-        let nearest = around(y, height)
-            .flat_map(|row| around(x, width).map(move |column| row * width + column))
-            .map(|pixel| (disparity - f64::from(truths[scan][pixel])).abs())
-            .fold(f64::INFINITY, f64::min);
-        if nearest > 2.0 {
-            off.push(format!("off by {nearest:.2} px: {line}"));
+        let nearest = |reach: f64| {
+            let columns = around(x, reach, width);
+            around(y, reach, height)
+                .flat_map(|row| columns.clone().map(move |column| row * width + column))
+                .map(|pixel| (disparity - f64::from(truths[scan][pixel])).abs())
+                .fold(f64::INFINITY, f64::min)
+        };
+        // No point is taken for another; of a coarse channel's contours a few lie up to three pixels beside theirs.
+        let least = nearest(3.0);
+        assert!(least <= 3.0, "seed {seed}, off by {least:.2} px: {line}");
+        if nearest(2.0) > 2.0 {
+            off.push(line.to_owned());
         }
         counts[scan] += 1;
     }
-    // In a hundred and sixty thousand.
-    assert!(off.len() <= 8, "seed {seed}: {off:#?}");
+    assert!(off.len() <= 4, "seed {seed}: {off:#?}");
     counts
 }
 

@@ -282,13 +282,14 @@ impl Likeness {
         if turn > self.turn {
             return None;
         }
-        let (own_levels, levels) = (own.levels(), other.levels());
-        let side = |samples: std::ops::Range<usize>| {
-            let pairs = own_levels[samples.clone()].iter().zip(&levels[samples]);
-            pairs.map(|(a, b)| (a - b).abs()).sum::<f32>() / 4.0
+        let side = |samples: std::ops::Range<usize>| -> u16 {
+            let pairs = own.levels[samples.clone()]
+                .iter()
+                .zip(&other.levels[samples]);
+            pairs.map(|(a, b)| u16::from(a.abs_diff(*b))).sum()
         };
-        let steps = 16.0 / (3.0 * own.magnitude + 3.0);
-        let gray = self.gray_cost * steps * side(0..4).min(side(4..8));
+        let mean = f32::from(side(0..4).min(side(4..8))) / 4.0;
+        let gray = self.gray_cost * own.sixteenths * mean;
         Some(gray + self.turn_cost * turn / self.turn)
     }
 

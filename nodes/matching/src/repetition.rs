@@ -234,9 +234,8 @@ mod tests {
             let outer = [side / 2, side, side / 3, side];
             Spot {
                 x: 12.0 + 20.0 * bar as f32,
-                magnitude: 10.0,
-                profile: [outer[0], outer[1], outer[2], outer[3], 150, 160, 160, 160],
-                level: 100.0,
+                sixteenths: 0.5,
+                levels: [outer[0], outer[1], outer[2], outer[3], 150, 160, 160, 160],
                 ..Spot::default()
             }
         };
@@ -275,8 +274,8 @@ mod tests {
             places.sort_unstable();
             let spot = |x: usize| Spot {
                 x: x as f32,
-                magnitude: 10.0,
-                profile: [128; 8],
+                sixteenths: 0.5,
+                levels: [128; 8],
                 ..Spot::default()
             };
             places.into_iter().map(spot).collect()

@@ -16,8 +16,10 @@ pub(crate) struct Spot {
     /// Gray levels beside the point, in its row, whatever gain, offset or gamma the view has: from their mean, which is at
     /// 128, in sixteenths of three times the magnitude.
     pub(crate) profile: [u8; 8],
-    /// That mean, as if all views were equally contrasty.
-    pub(crate) level: f32,
+    /// The gray levels themselves, which compare within one view only …
+    pub(crate) levels: [u8; 8],
+    /// … and how many of those sixteenths one of them is.
+    pub(crate) sixteenths: f32,
     /// Index among the view's curve points.
     pub(crate) point: u32,
     /// Label of its curve.
@@ -202,27 +204,22 @@ impl Rows {
 impl Spot {
     fn new(edge: &Edge, point: u32, curve: u32, gain: f32) -> Self {
         let magnitude = gain * edge.magnitude;
-        let levels = edge.profile.map(|level| gain * f32::from(level));
-        let weighted = levels.iter().zip(WEIGHTS).map(|(level, w)| level * w);
-        let level = weighted.sum::<f32>() / WEIGHTS.iter().sum::<f32>();
-        // An edge's own step is the measure, softened where it is hardly more than noise.
-        let steps = 16.0 / (3.0 * magnitude + 3.0);
+        let weighted = edge.profile.into_iter().zip(WEIGHTS);
+        let sum: u16 = weighted.map(|(level, w)| u16::from(level) * w).sum();
+        let mean = f32::from(sum) / f32::from(WEIGHTS.iter().sum::<u16>());
+        // Softened where an edge's step is hardly more than noise.
+        let sixteenths = gain * 16.0 / (3.0 * magnitude + 3.0);
+        let relative = |level| MEAN + 0.5 + sixteenths * (f32::from(level) - mean);
         Self {
             x: edge.x,
             orientation: edge.orientation,
             magnitude,
-            profile: levels.map(|at| (MEAN + 0.5 + steps * (at - level)) as u8),
-            level,
+            profile: edge.profile.map(|level| relative(level) as u8),
+            levels: edge.profile,
+            sixteenths,
             point,
             curve,
         }
-    }
-
-    /// The gray levels beside it, as if all views were equally contrasty.
-    pub(crate) fn levels(&self) -> [f32; 8] {
-        let step = (3.0 * self.magnitude + 3.0) / 16.0;
-        let level = |at| self.level + step * (f32::from(at) - MEAN);
-        self.profile.map(level)
     }
 
     /// Where its contour crosses a row that lies so much lower, at most half a row: along the tangent, which is
@@ -244,7 +241,7 @@ impl Spot {
 const MEAN: f32 = 128.0;
 
 /// Weights of a profile's samples in its mean: the middle ones of either side are steadiest.
-const WEIGHTS: [f32; 8] = [3.0, 6.0, 7.0, 4.0, 4.0, 7.0, 6.0, 3.0];
+const WEIGHTS: [u16; 8] = [3, 6, 7, 4, 4, 7, 6, 3];
 
 /// Columns a row that a contour is followed to another row.
 const STEEPEST: f32 = 4.0;
@@ -322,19 +319,6 @@ pub(crate) mod tests {
             for (a, b) in spot.profile.into_iter().zip(seen.profile) {
                 assert!(a.abs_diff(b) <= 1, "{:?} {:?}", spot.profile, seen.profile);
             }
-        }
-    }
-
-    #[test]
-    fn gray_levels_are_found_again_in_a_relative_profile() {
-        let edge = Edge {
-            magnitude: 9.0,
-            profile: [40, 44, 50, 60, 110, 122, 126, 130],
-            ..Edge::default()
-        };
-        let levels = Spot::new(&edge, 0, 0, 1.0).levels();
-        for (level, was) in levels.into_iter().zip(edge.profile) {
-            assert!((level - f32::from(was)).abs() < 2.0, "{level} {was}");
         }
     }
 }
