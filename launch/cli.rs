@@ -3,8 +3,8 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 
-use capture::Views;
-use capture::calibrate::{Folders, Model};
+use capture::calibrate::Model;
+use capture::{Layout, Views};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use messages::{Delivery, Reference, Stage};
 
@@ -117,6 +117,9 @@ pub(crate) struct Run {
     /// Which of the source's views, left to right: at least three at equal steps, or all
     #[arg(long, value_name = "1,3,5")]
     pub(crate) views: Option<Views>,
+    /// How the images lie in the folder, where their names leave it open: views, times, cameras, flat, columns:3, rows:3, rail
+    #[arg(long, value_name = "LAYOUT")]
+    pub(crate) layout: Option<Layout>,
     /// How many scans; a source with fewer is repeated
     #[arg(long, value_name = "N")]
     pub(crate) scans: Option<u64>,
@@ -154,7 +157,7 @@ pub(crate) struct Run {
 
 #[derive(Debug, Args)]
 pub(crate) struct Calibrate {
-    /// The images: of one camera; or a folder a camera, left to right; or a folder a time, an image a camera in each
+    /// The images: of one camera; or of several, a folder a camera, a folder a time, or by name in one folder
     pub(crate) folder: PathBuf,
     /// Inner corners along the board's rows and columns; of a ChArUco board its squares
     #[arg(long, value_name = "9x6", value_parser = board)]
@@ -168,9 +171,9 @@ pub(crate) struct Calibrate {
     /// A ChArUco board's dictionary by OpenCV's name, as DICT_4X4_50
     #[arg(long, value_name = "NAME", requires = "marker")]
     pub(crate) dictionary: Option<String>,
-    /// What folders in FOLDER hold; without it, the cameras are the fewer
-    #[arg(long, value_enum)]
-    pub(crate) folders: Option<Hold>,
+    /// How the images lie in FOLDER, where their names leave it open: cameras, times, flat, columns:2, rows:2, rail (one camera)
+    #[arg(long, alias = "folders", value_name = "LAYOUT")]
+    pub(crate) layout: Option<Layout>,
     /// What the lenses do
     #[arg(long, value_enum, default_value = "radtan")]
     pub(crate) model: LensModel,
@@ -208,24 +211,6 @@ impl From<LensModel> for Model {
     }
 }
 
-/// What each folder of images holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Hold {
-    /// The images of one camera
-    Cameras,
-    /// The images of one time, one of each camera
-    Times,
-}
-
-impl From<Hold> for Folders {
-    fn from(hold: Hold) -> Self {
-        match hold {
-            Hold::Cameras => Self::Cameras,
-            Hold::Times => Self::Times,
-        }
-    }
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct CheckGeometry {
     /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, or a folder of such folders
@@ -234,6 +219,9 @@ pub(crate) struct CheckGeometry {
     /// Which of the source's views, left to right: at least three at equal steps, or all
     #[arg(long, value_name = "1,3,5")]
     pub(crate) views: Option<Views>,
+    /// How the images lie in the folder, where their names leave it open: views, times, cameras, flat, columns:3, rows:3, rail
+    #[arg(long, value_name = "LAYOUT")]
+    pub(crate) layout: Option<Layout>,
     /// Which settings to start from
     #[arg(long, value_enum, default_value = "default")]
     pub(crate) profile: Profile,
@@ -558,6 +546,9 @@ pub(crate) struct Evaluate {
     /// Which of each scene's views, left to right: at least three at equal steps, or all
     #[arg(long, value_name = "1,3,5")]
     pub(crate) views: Option<Views>,
+    /// How the images lie in the folder, where their names leave it open: views, times, cameras, flat, columns:3, rows:3, rail
+    #[arg(long, value_name = "LAYOUT")]
+    pub(crate) layout: Option<Layout>,
     /// Which of them results refer to: left, centre, right, or its number among them, counted from 0
     #[arg(long, value_name = "VIEW")]
     pub(crate) reference: Option<Reference>,
@@ -589,6 +580,9 @@ pub(crate) struct Tune {
     /// Which of each scene's views, left to right: at least three at equal steps, or all
     #[arg(long, value_name = "1,3,5")]
     pub(crate) views: Option<Views>,
+    /// How the images lie in the folder, where their names leave it open: views, times, cameras, flat, columns:3, rows:3, rail
+    #[arg(long, value_name = "LAYOUT")]
+    pub(crate) layout: Option<Layout>,
     /// Which of them results refer to: left, centre, right, or its number among them, counted from 0
     #[arg(long, value_name = "VIEW")]
     pub(crate) reference: Option<Reference>,

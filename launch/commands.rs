@@ -9,6 +9,7 @@ mod evaluate;
 mod export;
 mod graph;
 mod info;
+mod input;
 mod node;
 mod param;
 mod record;

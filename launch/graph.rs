@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use capture::Layout;
 use messages::bus::NodePlan;
 use messages::settings::{Key, Settings as _, nearest};
 use messages::{Delivery, Kind, Reference};
@@ -469,6 +470,16 @@ impl Overrides {
     pub(crate) fn set(&mut self, node: &str, key: &str, value: impl Into<Value>) {
         self.set
             .push((node.to_owned(), key.to_owned(), value.into()));
+    }
+
+    /// Says how the images of a folder lie; those of a rail are a rail's.
+    pub(crate) fn lay(&mut self, layout: Option<Layout>) {
+        if let Some(layout) = layout {
+            self.set("capture", "layout", layout.to_string());
+        }
+        if layout == Some(Layout::Rail) {
+            self.set("capture", "mode", "rail");
+        }
     }
 
     /// Takes a node in, with its own settings.

@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use capture::SourceError;
 use capture::calibrate::{
-    Beside, Board, Calibrated, Folders, Found, Layout, LeftOut, Observed, Shots, Sure, calibrate,
-    read,
+    Beside, Board, Calibrated, Found, LeftOut, Observed, Shots, Sure, calibrate, read,
 };
+use capture::{Layout, Piece};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
@@ -36,11 +36,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let board = board.map_err(Failure::usage)?;
     check_outputs(args)?;
-    let shots = Shots::open(
-        &args.folder,
-        args.folders.map_or(Folders::Fewer, Folders::from),
-    )
-    .map_err(failure)?;
+    let shots = Shots::open(&args.folder, args.layout).map_err(failure)?;
     tell(&shots, &board, args);
     let observed = observe(&board, &shots, args.json);
     let mut calibrated = calibrate(&board, args.model.into(), &observed)
@@ -108,12 +104,6 @@ fn tell(shots: &Shots, board: &Board, args: &Args) {
     if !args.json {
         crate::say!("{}; board: {}", summary(shots), board.describe());
     }
-    let are_folders = matches!(shots.layout, Layout::FolderACamera | Layout::FolderATime);
-    if are_folders && args.folders.is_none() && shots.shots.len() < 2 * shots.cameras.len() {
-        crate::say!(
-            "tricurve: what the folders hold is a guess where times are few: --folders cameras or --folders times says it"
-        );
-    }
     if shots.ignored > 0 {
         crate::say!(
             "tricurve: {} images that lie elsewhere in {} are ignored",
@@ -162,10 +152,8 @@ fn summary(shots: &Shots) -> String {
         count => format!("{count} images"),
     };
     let how = match shots.layout {
-        Layout::Alone => "",
-        Layout::Words => ", by name",
-        Layout::FolderACamera => ", a folder each",
-        Layout::FolderATime => ", a folder a time",
+        Layout::Flat => ", by name".to_owned(),
+        layout => format!(", {}", layout.describe()),
     };
     match shots.cameras.as_slice() {
         [_] => format!("1 camera, {images}"),
@@ -186,7 +174,7 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Observed<'a> 
         ProgressBar::new(shots.count() as u64)
             .with_style(style.unwrap_or(ProgressStyle::default_bar()))
     });
-    let images: Vec<&PathBuf> = shots
+    let images: Vec<&Piece> = shots
         .shots
         .iter()
         .flat_map(|shot| &shot.images)
@@ -197,11 +185,11 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Observed<'a> 
         let mut found = Vec::new();
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(path) = images.get(index) else {
+            let Some(&piece) = images.get(index) else {
                 return found;
             };
             // One that cannot be read is told with those on which no board is found.
-            let sighting = match read(path) {
+            let sighting = match read(piece) {
                 Ok((size, pixels)) => board.find(size, &pixels),
                 Err(error) => Err(error.to_string()),
             };

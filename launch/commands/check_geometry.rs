@@ -34,6 +34,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(views) = &args.views {
         overrides.set("capture", "views", json!(views));
     }
+    overrides.lay(args.layout);
     let graph = Graph::load(None, args.profile, &overrides)?;
     let capture: capture::Settings = settings(&graph, "capture")?;
     if let Some(output) = &args.output {
@@ -44,6 +45,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         false => Failure::failed(error),
     })?;
     if !args.json {
+        super::input::say(&source);
         for notice in source.notices() {
             crate::say!("{notice}");
         }

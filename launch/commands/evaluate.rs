@@ -26,6 +26,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(views) = &args.views {
         overrides.set("capture", "views", json!(views));
     }
+    overrides.lay(args.layout);
     if let Some(reference) = &args.reference {
         overrides.set("match", "reference", json!(reference));
     }

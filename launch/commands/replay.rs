@@ -94,7 +94,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         scans: selection.scans.iter().map_while(name).collect(),
         places: Vec::new(),
         sway: Vec::new(),
-        remarks: vec![("changed", json!(changed))],
+        // Which files the images were is as true of what is made of them now.
+        remarks: std::iter::once(("changed", json!(changed)))
+            .chain(recorded.get("input").map(|input| ("input", input.clone())))
+            .collect(),
         is_quiet: args.json,
         timeline: Some(Timeline(
             selection.scans.iter().map(|(_, nanos)| *nanos).collect(),

@@ -4,7 +4,7 @@ pub(super) mod table;
 
 use std::path::{Path, PathBuf};
 
-use capture::Source;
+use capture::{Source, Views};
 use jiff::Timestamp;
 use messages::{Delivery, Rail, Rig, Size, Sway};
 use serde_json::{Value, json};
@@ -27,6 +27,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         sway,
         recording,
     } = plan(args.graph.as_deref(), args.profile, &overrides(args)?)?;
+    super::input::say(&source);
     say_notices(&source);
     let (ran, _) = launch(Launch {
         graph: &graph,
@@ -34,7 +35,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         scans,
         places,
         sway,
-        remarks: Vec::new(),
+        remarks: super::input::recorded(&source)
+            .map(|input| ("input", input))
+            .into_iter()
+            .collect(),
         is_quiet: args.json,
         timeline: None,
         changes: Vec::new(),
@@ -105,6 +109,21 @@ pub(super) fn plan(
 }
 
 fn overrides(args: &Args) -> Result<Overrides, Failure> {
+    // A flag that takes nothing: what follows it is taken for a graph file.
+    let is_views = |file: &PathBuf| {
+        file.to_str()
+            .is_some_and(|text| text.parse::<Views>().is_ok())
+    };
+    if let Some(file) = args
+        .graph
+        .as_ref()
+        .filter(|file| is_views(file) && !file.exists())
+    {
+        return Err(Failure::usage(format!(
+            "there is no graph file {file}; which views are taken is said with --views {file}",
+            file = file.display()
+        )));
+    }
     let mut overrides = Overrides::parse(&args.set)?;
     if args.view {
         overrides.with("bridge");
@@ -115,6 +134,7 @@ fn overrides(args: &Args) -> Result<Overrides, Failure> {
     if let Some(views) = &args.views {
         overrides.set("capture", "views", json!(views));
     }
+    overrides.lay(args.layout);
     if let Some(scans) = args.scans {
         overrides.set("capture", "scans", scans);
     }
@@ -182,7 +202,7 @@ fn settle_rail(graph: &mut Graph, source: &Source) {
     {
         let least = (least - 0.25 * (most - least)).floor();
         crate::say!(
-            "match: disparities go down to {least} px and are searched from there; set disparity_least"
+            "match: disparities go down to {least} px and are searched from there; match.disparity_least says another"
         );
         graph.fill_in("match", "disparity_least", f64::from(least));
     }
@@ -230,7 +250,7 @@ fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {
     let count = source.view_count();
     if count < 3 {
         let text = format!(
-            "at least three views are matched, not {count}; of one camera that moves: --set capture.mode=rail"
+            "at least three views are matched, not {count}; of one camera that moves: --layout rail"
         );
         return Err(Failure::usage(text));
     }

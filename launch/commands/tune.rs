@@ -76,6 +76,7 @@ fn overrides(args: &Args) -> Result<Overrides, Failure> {
     if let Some(views) = &args.views {
         overrides.set("capture", "views", json!(views));
     }
+    overrides.lay(args.layout);
     if let Some(reference) = &args.reference {
         overrides.set("match", "reference", json!(reference));
     }

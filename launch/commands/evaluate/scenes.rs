@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use capture::Source;
+use capture::{Layout, Source};
 use serde::Serialize;
 
 use crate::graph::Graph;
@@ -174,8 +174,13 @@ fn parts(graph: &Graph, spec: &str) -> Vec<String> {
         return whole();
     }
     let folders = folders(Path::new(spec));
-    let is_scene = || open(graph, spec).is_ok_and(|source| source.scenes() == 1);
-    match folders.is_empty() || is_scene() {
+    // Only where each folder is a scene of its own; what is wrong with one of them must not spoil the others.
+    let is_one = match settings_of(graph, spec).map(|settings| Source::open(&settings)) {
+        Ok(Ok(source)) => source.scenes() == 1 || source.layout() != Some(Layout::Times),
+        Ok(Err(error)) => error.is_of_layout(),
+        Err(_) => true,
+    };
+    match folders.is_empty() || is_one {
         true => whole(),
         false => folders
             .iter()
@@ -184,13 +189,17 @@ fn parts(graph: &Graph, spec: &str) -> Vec<String> {
     }
 }
 
-fn open(graph: &Graph, spec: &str) -> Result<Source, Failure> {
+fn settings_of(graph: &Graph, spec: &str) -> Result<capture::Settings, Failure> {
     let mut settings = graph.settings_of("capture").clone();
     settings["source"] = spec.into();
+    serde_json::from_value(settings).map_err(Failure::usage)
+}
+
+fn open(graph: &Graph, spec: &str) -> Result<Source, Failure> {
     if spec.starts_with("camera:") {
         return Err(Failure::usage(capture::SourceError::SentOnce));
     }
-    let settings = serde_json::from_value(settings).map_err(Failure::usage)?;
+    let settings = settings_of(graph, spec)?;
     let source = Source::open(&settings).map_err(|error| match error.is_wrong_use() {
         true => Failure::usage(error),
         false => Failure::failed(error),

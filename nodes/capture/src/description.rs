@@ -40,6 +40,11 @@ pub(crate) struct Triple {
 }
 
 impl Description {
+    /// Whether the folder has a `scene.json`.
+    pub(crate) fn is_in(folder: &Path) -> bool {
+        folder.join(FILE).exists()
+    }
+
     /// Reads the folder's `scene.json`, when it has one.
     pub(crate) fn read(folder: &Path) -> Result<Option<Self>, SourceError> {
         let path = folder.join(FILE);

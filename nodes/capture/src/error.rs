@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use messages::Size;
 use messages::settings::OutOfRange;
 
+use crate::layout::Layout;
+use crate::panels::Part;
+
 /// The least width and height of an image: less holds no curve.
 pub const LEAST_SIDE: u32 = 32;
 
@@ -73,6 +76,110 @@ pub enum SourceError {
         /// How many files of other types there are.
         others: usize,
     },
+
+    /// A layout that a folder does not have.
+    #[error("{} cannot be read as {} ({layout}): {why}", path.display(), layout.describe())]
+    Layout {
+        /// The folder.
+        path: PathBuf,
+        /// The layout.
+        layout: Layout,
+        /// Why.
+        why: String,
+    },
+
+    /// A folder whose names do not say what they are.
+    #[error("{} can be read as {first}, and as {second}: say which with {say}", path.display())]
+    TwoLayouts {
+        /// The folder.
+        path: PathBuf,
+        /// One reading.
+        first: String,
+        /// The other one.
+        second: String,
+        /// How to say it.
+        say: &'static str,
+    },
+
+    /// Images of which some say their side.
+    #[error(
+        "{} holds images that are called left and right, and {name}, which says no side: name it, move it away, or choose by place among the names in order with --views 0,1,2",
+        path.display()
+    )]
+    Side {
+        /// The folder.
+        path: PathBuf,
+        /// The image.
+        name: String,
+    },
+
+    /// Fewer than three cameras.
+    #[error(
+        "{} holds {} of the at least three cameras that a scan needs: read as {} ({layout}), {} at {times} times; --layout says another",
+        path.display(), cameras.len(), layout.describe(), some(cameras)
+    )]
+    TooFewCameras {
+        /// The folder.
+        path: PathBuf,
+        /// How it was read.
+        layout: Layout,
+        /// The cameras.
+        cameras: Vec<String>,
+        /// How many times there are.
+        times: usize,
+    },
+
+    /// Cameras that never took an image at one time.
+    #[error(
+        "{} holds images of {}, but no time at which all of them took one: at {time} {camera} did not; images of one time have a name or number in common",
+        path.display(), some(cameras)
+    )]
+    NeverTogether {
+        /// The folder.
+        path: PathBuf,
+        /// The cameras.
+        cameras: Vec<String>,
+        /// The first time.
+        time: String,
+        /// Who took none.
+        camera: String,
+    },
+
+    /// A rig where a camera passes a scene.
+    #[error(
+        "a rail passes one scene, and {} is read as {} ({layout}), {} at {times} times: give the folder of one camera, or say --layout rail where all are its frames",
+        path.display(), layout.describe(), some(cameras)
+    )]
+    RailOfRig {
+        /// The folder.
+        path: PathBuf,
+        /// How it was read.
+        layout: Layout,
+        /// The cameras.
+        cameras: Vec<String>,
+        /// How many times there are.
+        times: usize,
+    },
+
+    /// A picture that cannot be cut evenly.
+    #[error(
+        "{} is {size} pixels, which cannot be cut into {} equal parts: say how many views it shows with --layout columns:N or rows:N",
+        path.display(), part.count
+    )]
+    Parts {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        size: Size,
+        /// One of the parts.
+        part: Part,
+    },
+
+    /// A layout that says rail where the mode says rig.
+    #[error(
+        "capture.layout is rail and capture.mode is rig: set capture.mode to rail too, as --layout rail does"
+    )]
+    RailLayout,
 
     /// Fewer than three images.
     #[error("{} holds {found} of the at least three views that a scene needs", path.display())]
@@ -411,6 +518,11 @@ impl SourceError {
                 | Self::SpeedOfFiles
                 | Self::SwayOf { .. }
                 | Self::NothingRectified
+                | Self::Layout { .. }
+                | Self::TwoLayouts { .. }
+                | Self::Side { .. }
+                | Self::RailOfRig { .. }
+                | Self::RailLayout
                 | Self::PositionsOfCamera
                 | Self::OneCamera { .. }
                 | Self::UnknownWay { .. }
@@ -422,9 +534,32 @@ impl SourceError {
         )
     }
 
+    /// Whether it is how images lie in their folder that is not as it should be, or not clear.
+    pub fn is_of_layout(&self) -> bool {
+        matches!(
+            self,
+            Self::Layout { .. }
+                | Self::TwoLayouts { .. }
+                | Self::Side { .. }
+                | Self::TooFewCameras { .. }
+                | Self::NeverTogether { .. }
+                | Self::RailOfRig { .. }
+        )
+    }
+
     pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |error| Self::Io { path, error }
+    }
+}
+
+/// The first few of some names.
+fn some(names: &[String]) -> String {
+    const SHOWN: usize = 6;
+    let shown = names[..names.len().min(SHOWN)].join(", ");
+    match names.len() {
+        0..=SHOWN => shown,
+        _ => format!("{shown}, …"),
     }
 }
 

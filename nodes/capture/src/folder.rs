@@ -1,6 +1,5 @@
 //! Folders of images: which files are views, which of them are taken, in what order.
 
-use std::cmp::Ordering;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -10,7 +9,10 @@ use messages::Size;
 use crate::description::Description;
 use crate::error::SourceError;
 use crate::image_file::{self, Head};
+use crate::layout::{self, Layout, Piece, Table, Time, Together};
 use crate::middlebury;
+use crate::names;
+use crate::panels::Part;
 use crate::settings::{Mode, Views};
 use crate::truth::{Encoding, TruthFile};
 
@@ -39,8 +41,30 @@ pub(crate) struct Album {
 #[derive(Clone, Debug)]
 pub(crate) struct Shot {
     pub(crate) path: PathBuf,
+    /// Which part of the picture, where it shows several views.
+    pub(crate) part: Option<Part>,
     pub(crate) position: f64,
     pub(crate) truth: Option<TruthFile>,
+}
+
+impl Shot {
+    /// Its file's name, and which part of it.
+    pub(crate) fn name(&self) -> String {
+        self.with_part(name(&self.path))
+    }
+
+    /// Its path from a folder, and which part of it.
+    pub(crate) fn file(&self, root: &Path) -> String {
+        let path = self.path.strip_prefix(root).unwrap_or(&self.path);
+        self.with_part(layout::shown(&path.to_string_lossy()))
+    }
+
+    fn with_part(&self, name: String) -> String {
+        match self.part {
+            Some(part) => format!("{name}, {part}"),
+            None => name,
+        }
+    }
 }
 
 /// Which views were chosen, and why these.
@@ -155,42 +179,246 @@ impl Listing {
                 () => listing.others += 1,
             }
         }
-        sort(&mut listing.images);
-        listing.folders.sort_by(|a, b| by_name(a, b));
+        names::sort_cameras(&mut listing.images, |image| layout::stem(image));
+        names::sort(&mut listing.folders, |folder| name(folder));
         Ok(listing)
     }
 }
 
-/// Opens a folder of images, or a folder of such folders, and checks the head of every chosen image.
-pub(crate) fn open(folder: &Path, asked: &Views, mode: Mode) -> Result<Vec<Album>, SourceError> {
-    let listing = Listing::read(folder)?;
-    if let Some(album) = album(folder, &listing, asked, mode)? {
-        return Ok(vec![album]);
+/// Scenes of a folder, and how they were found in it.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    pub(crate) albums: Vec<Album>,
+    pub(crate) layout: Layout,
+    /// What is to be said of how images were put together.
+    pub(crate) notices: Vec<String>,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// Whether a folder's own files say which of them are views: a `scene.json`, or a layout of Middlebury's.
+pub(crate) fn is_described(folder: &Path) -> Result<bool, SourceError> {
+    Ok(Description::is_in(folder) || middlebury::layout(folder)?.is_some())
+}
+
+/// Opens the scenes that a folder holds, however they lie in it, and checks the head of every chosen image.
+pub(crate) fn open(
+    folder: &Path,
+    asked: &Views,
+    mode: Mode,
+    said: Option<Layout>,
+) -> Result<Found, SourceError> {
+    let is_rail = mode == Mode::Rail;
+    let said = said.or(is_rail
+        .then_some(Layout::Rail)
+        .filter(|_| is_described(folder).unwrap_or_default()));
+    let table = Table::read(folder, said)?;
+    let (mut notices, mut warnings) = (Vec::new(), Vec::new());
+    match (table.ignored, table.layout) {
+        (0, _) => {}
+        (ignored, layout) => warnings.push(format!(
+            "{} that {} elsewhere in {} {} not taken: read as {} ({})",
+            counted(ignored, "image"),
+            if ignored == 1 { "lies" } else { "lie" },
+            folder.display(),
+            if ignored == 1 { "is" } else { "are" },
+            layout.describe(),
+            "--layout says another"
+        )),
     }
-    let mut albums: Vec<Album> = Vec::new();
-    let mut others = listing.others;
-    for folder in &listing.folders {
-        let inner = Listing::read(folder)?;
-        match album(folder, &inner, asked, mode)? {
-            Some(album) => albums.push(album),
-            None => others += inner.others,
+    let albums = match table.layout {
+        Layout::Views | Layout::Rail => {
+            let listing = Listing::read(&table.folder)?;
+            album(&table.folder, &listing, asked, mode)?
+                .into_iter()
+                .collect()
         }
-    }
+        layout if is_rail => {
+            return Err(SourceError::RailOfRig {
+                path: table.folder.clone(),
+                layout,
+                cameras: table.cameras,
+                times: table.times.len(),
+            });
+        }
+        Layout::Times if !is_regular(&table)? => {
+            let mut albums = Vec::new();
+            for folder in &table.folders {
+                albums.extend(album(folder, &Listing::read(folder)?, asked, mode)?);
+            }
+            albums
+        }
+        _ => in_turn(&table, asked, &mut notices, &mut warnings)?,
+    };
+    let mut albums: Vec<Album> = albums;
     let Some(first) = albums.first_mut() else {
         return Err(SourceError::Empty {
             path: folder.to_owned(),
-            others,
+            others: table.others,
         });
     };
-    first.others += others;
+    first.others = table.others.saturating_sub(usize::from(first.is_described));
     let expected = first.shots.len();
-    match albums.iter().find(|album| album.shots.len() != expected) {
-        Some(album) => Err(SourceError::ViewCount {
+    if let Some(album) = albums.iter().find(|album| album.shots.len() != expected) {
+        return Err(SourceError::ViewCount {
             path: album.path.clone(),
             found: album.shots.len(),
             expected,
-        }),
-        None => Ok(albums),
+        });
+    }
+    Ok(Found {
+        albums,
+        layout: table.layout,
+        notices,
+        warnings,
+    })
+}
+
+/// Whether the folders of times name their images alike, so that a name is a camera's, and none describes itself.
+fn is_regular(table: &Table) -> Result<bool, SourceError> {
+    let most = table
+        .times
+        .iter()
+        .map(|time| time.images.iter().flatten().count())
+        .max();
+    for folder in &table.folders {
+        if is_described(folder)? {
+            return Ok(false);
+        }
+    }
+    Ok(table.cameras.len() >= 3 && most == Some(table.cameras.len()))
+}
+
+/// The scans of a rig's cameras: every time at which all that are chosen took an image.
+fn in_turn(
+    table: &Table,
+    asked: &Views,
+    notices: &mut Vec<String>,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Album>, SourceError> {
+    let count = table.cameras.len();
+    if count < 3 {
+        return Err(SourceError::TooFewCameras {
+            path: table.folder.clone(),
+            layout: table.layout,
+            cameras: table.cameras.clone(),
+            times: table.times.len(),
+        });
+    }
+    let choice = Choice::among(asked, count, None);
+    let positions: Vec<f64> = (0..count).map(|camera| camera as f64).collect();
+    let step = choice.step(&table.folder.display().to_string(), &positions)?;
+    let (mut albums, mut lacking) = (Vec::new(), Vec::new());
+    for time in &table.times {
+        let pieces = choice
+            .views
+            .iter()
+            .map(|&view| time.images[view as usize].as_ref());
+        let pieces: Option<Vec<&Piece>> = pieces.collect();
+        match pieces {
+            Some(pieces) => albums.push(of_time(table, time, &pieces, &choice, step)?),
+            None => lacking.push(time),
+        }
+    }
+    if let Some(first) = lacking.first() {
+        let camera = choice
+            .views
+            .iter()
+            .find(|&&view| first.images[view as usize].is_none());
+        let camera = camera.map_or("", |&view| table.cameras[view as usize].as_str());
+        if albums.is_empty() {
+            return Err(SourceError::NeverTogether {
+                path: table.folder.clone(),
+                cameras: table.cameras.clone(),
+                time: first.name.clone(),
+                camera: camera.to_owned(),
+            });
+        }
+        warnings.push(format!(
+            "{} of {} are left out, for not all cameras took an image: {} lacks {camera}'s{}",
+            counted(lacking.len(), "time"),
+            table.times.len(),
+            first.name,
+            if lacking.len() > 1 { " for one" } else { "" }
+        ));
+    }
+    match table.together {
+        Together::Name => {}
+        Together::Stamp => notices.push("images are put together by the times they are called after".to_owned()),
+        Together::Order => warnings.push(
+            "no two images have a name or number in common: they are put together by their order, which one missing image puts wrong"
+                .to_owned(),
+        ),
+    }
+    Ok(albums)
+}
+
+/// What the chosen cameras took at one time.
+fn of_time(
+    table: &Table,
+    time: &Time,
+    pieces: &[&Piece],
+    choice: &Choice,
+    step: f64,
+) -> Result<Album, SourceError> {
+    let shots = pieces.iter().zip(&choice.views).map(|(piece, &view)| Shot {
+        path: piece.path.clone(),
+        part: piece.part,
+        position: view.into(),
+        truth: None,
+    });
+    let path = match table.layout {
+        Layout::Times => table.folder.join(&time.name),
+        _ => table.folder.clone(),
+    };
+    Album {
+        path,
+        name: time.name.clone(),
+        shots: shots.collect(),
+        choice: choice.clone(),
+        size: Size::default(),
+        step,
+        is_described: false,
+        is_colour: false,
+        is_deep: false,
+        others: 0,
+    }
+    .checked()
+}
+
+impl Album {
+    /// With what the heads of its images say, which must be of one size.
+    fn checked(mut self) -> Result<Self, SourceError> {
+        let mut heads = Vec::with_capacity(self.shots.len());
+        for shot in &self.shots {
+            let head = image_file::head(&shot.path)?;
+            heads.push(match shot.part {
+                Some(part) => Head {
+                    size: part.size(&shot.path, head.size)?,
+                    ..head
+                },
+                None => head,
+            });
+        }
+        self.size = heads[0].size;
+        if let Some(odd) = heads.iter().position(|head| head.size != self.size) {
+            return Err(SourceError::SizeDiffers {
+                path: self.shots[odd].path.clone(),
+                size: heads[odd].size,
+                first: self.shots[0].path.clone(),
+                expected: self.size,
+            });
+        }
+        self.is_colour = heads.iter().any(|head| head.is_colour);
+        self.is_deep = heads.iter().any(|head| head.is_deep);
+        Ok(self)
+    }
+}
+
+/// A number of things.
+fn counted(count: usize, what: &str) -> String {
+    match count {
+        1 => format!("1 {what}"),
+        count => format!("{count} {what}s"),
     }
 }
 
@@ -228,6 +456,14 @@ fn album(
             (layout.files, layout.positions, None, layout.truths)
         }
         None if listing.images.is_empty() => return Ok(None),
+        None if let Some(name) = unsided(listing)
+            .filter(|_| mode == Mode::Rig && *asked == Views::These(Vec::new())) =>
+        {
+            return Err(SourceError::Side {
+                path: folder.to_owned(),
+                name,
+            });
+        }
         None => (
             listing.images.clone(),
             (0..listing.images.len()).map(|i| i as f64).collect(),
@@ -256,38 +492,41 @@ fn album(
     };
     let shot = |&view: &u32| Shot {
         path: files[view as usize].clone(),
+        part: None,
         position: positions[view as usize],
         truth: truths
             .iter()
             .find(|(known, _)| *known == view as usize)
             .map(|(_, truth)| truth.clone()),
     };
-    let shots: Vec<Shot> = choice.views.iter().map(shot).collect();
-    let heads = shots
-        .iter()
-        .map(|shot| image_file::head(&shot.path))
-        .collect::<Result<Vec<Head>, _>>()?;
-    let size = heads[0].size;
-    if let Some(odd) = heads.iter().position(|head| head.size != size) {
-        return Err(SourceError::SizeDiffers {
-            path: shots[odd].path.clone(),
-            size: heads[odd].size,
-            first: shots[0].path.clone(),
-            expected: size,
-        });
-    }
-    Ok(Some(Album {
+    let album = Album {
         path: folder.to_owned(),
         name: name(folder),
-        shots,
+        shots: choice.views.iter().map(shot).collect(),
         choice,
-        size,
+        size: Size::default(),
         step,
         is_described,
-        is_colour: heads.iter().any(|head| head.is_colour),
-        is_deep: heads.iter().any(|head| head.is_deep),
+        is_colour: false,
+        is_deep: false,
         others,
-    }))
+    };
+    album.checked().map(Some)
+}
+
+/// An image that says no side where others say left and right.
+fn unsided(listing: &Listing) -> Option<String> {
+    let stems: Vec<String> = listing
+        .images
+        .iter()
+        .map(|image| layout::stem(image))
+        .collect();
+    let stem = names::beside_sides(&stems)?;
+    let image = listing
+        .images
+        .iter()
+        .find(|image| layout::stem(image) == *stem);
+    image.map(|image| name(image))
 }
 
 /// Whether this is a folder that can be looked into.
@@ -317,115 +556,4 @@ pub(crate) fn name(path: &Path) -> String {
     last(path)
         .or_else(|| last(&path.canonicalize().ok()?))
         .unwrap_or_else(|| path.display().to_string())
-}
-
-/// Puts views, or cameras, in their order: by name, and three of which one is called left and one right by side.
-pub(crate) fn sort(views: &mut [PathBuf]) {
-    views.sort_by(|a, b| by_name(a, b));
-    sort_by_side(views);
-}
-
-fn by_name(a: &Path, b: &Path) -> Ordering {
-    let name = |path: &Path| {
-        path.file_name()
-            .map(|name| name.to_string_lossy().into_owned())
-            .unwrap_or_default()
-    };
-    natural(&name(a), &name(b)).then_with(|| a.cmp(b))
-}
-
-/// Words for the sides, left to right.
-const SIDES: [&[&str]; 3] = [
-    &["left"],
-    &["centre", "center", "central", "middle"],
-    &["right"],
-];
-
-/// Three images of which one is called left, one right and one after the middle go in that order.
-fn sort_by_side(images: &mut [PathBuf]) {
-    let side = |path: &PathBuf| {
-        let name = path.file_stem()?.to_string_lossy().to_lowercase();
-        SIDES
-            .iter()
-            .position(|words| words.iter().any(|word| name.contains(word)))
-    };
-    let mut sides: Vec<_> = images.iter().map(side).collect();
-    sides.sort_unstable();
-    if sides == [Some(0), Some(1), Some(2)] {
-        images.sort_by_key(side);
-    }
-}
-
-/// Compares names as people do: runs of digits by their value, so that `view10` comes after `view9`.
-pub(crate) fn natural(a: &str, b: &str) -> Ordering {
-    let (mut a, mut b) = (a, b);
-    loop {
-        let (first, second) = (piece(a), piece(b));
-        let by_value = |digits: &str| digits.trim_start_matches('0').to_owned();
-        let order = match (is_number(first), is_number(second)) {
-            (true, true) => {
-                let (first, second) = (by_value(first), by_value(second));
-                first
-                    .len()
-                    .cmp(&second.len())
-                    .then_with(|| first.cmp(&second))
-            }
-            _ => first.cmp(second),
-        };
-        if order != Ordering::Equal || first.is_empty() {
-            return order;
-        }
-        (a, b) = (&a[first.len()..], &b[second.len()..]);
-    }
-}
-
-fn is_number(piece: &str) -> bool {
-    piece.starts_with(|c: char| c.is_ascii_digit())
-}
-
-/// The run of digits, or of other characters, that a name starts with.
-fn piece(name: &str) -> &str {
-    let digits = is_number(name);
-    &name[..name
-        .find(|c: char| c.is_ascii_digit() != digits)
-        .unwrap_or(name.len())]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_sorted_by_the_value_of_their_numbers() {
-        let mut names = [
-            "view10.png",
-            "view9.png",
-            "b.png",
-            "view1b.png",
-            "view01.png",
-            "view1.png",
-            "a2x10",
-            "a2x9",
-        ];
-        names.sort_by(|a, b| natural(a, b).then_with(|| a.cmp(b)));
-        assert_eq!(
-            names,
-            [
-                "a2x9",
-                "a2x10",
-                "b.png",
-                "view01.png",
-                "view1.png",
-                "view1b.png",
-                "view9.png",
-                "view10.png"
-            ]
-        );
-    }
-
-    #[test]
-    fn numbers_too_large_for_any_type_are_still_compared() {
-        let (small, large) = ("9".repeat(40), "1".to_owned() + &"0".repeat(40));
-        assert_eq!(natural(&small, &large), Ordering::Less);
-    }
 }

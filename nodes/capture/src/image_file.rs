@@ -121,10 +121,8 @@ fn head_of(
         Size::new(width, height)
     };
     let colour = decoder.color_type();
+    let size = fitting(path, size)?;
     let path = || path.to_owned();
-    if size.width < LEAST_SIDE || size.height < LEAST_SIDE {
-        return Err(SourceError::TooSmall { path: path(), size });
-    }
     if u64::from(size.width) * u64::from(size.height) > MOST_PIXELS {
         return Err(SourceError::TooLarge { path: path(), size });
     }
@@ -137,6 +135,17 @@ fn head_of(
         is_colour: colour.has_color(),
         is_deep: bytes == 2,
     })
+}
+
+/// A size that holds a curve.
+pub(crate) fn fitting(path: &Path, size: Size) -> Result<Size, SourceError> {
+    match size.width < LEAST_SIDE || size.height < LEAST_SIDE {
+        true => Err(SourceError::TooSmall {
+            path: path.to_owned(),
+            size,
+        }),
+        false => Ok(size),
+    }
 }
 
 fn unreadable(path: &Path, scan: Option<u64>) -> impl FnOnce(ImageError) -> SourceError {

@@ -23,13 +23,16 @@ mod error;
 mod exposure;
 mod folder;
 mod image_file;
+mod layout;
 #[cfg(feature = "node")]
 mod live;
 mod middlebury;
 mod motion;
+mod names;
 #[cfg(feature = "node")]
 pub mod node;
 mod pace;
+mod panels;
 mod positions;
 mod rail;
 mod rectify;
@@ -43,6 +46,8 @@ mod truth;
 
 pub use calibration::{Camera, Lens, of_residual};
 pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
+pub use layout::{Layout, Piece};
+pub use panels::Part;
 pub use rectify::Map;
 pub use settings::{Mode, Settings, Views};
 pub use source::{Place, Source};

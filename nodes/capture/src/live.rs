@@ -101,8 +101,10 @@ impl LiveRail {
         }
         let stride = settings.stride.unwrap_or(1);
         if settings.stride.is_none() {
-            notices
-                .push("frames that follow each other are matched; set capture.stride".to_owned());
+            notices.push(
+                "frames that follow each other are matched; capture.stride chooses others"
+                    .to_owned(),
+            );
         }
         let rail = Rail {
             stride,

@@ -122,7 +122,7 @@ impl Rail {
         let most = pace::most_frames(size);
         if is_guessed && frames > most {
             warnings.push(format!(
-                "where {frames} frames were taken is not estimated from the images, at most {most} are: pauses and turns are not known; set capture.positions"
+                "where {frames} frames were taken is not estimated from the images, at most {most} are: pauses and turns are not known; capture.positions says where they were taken"
             ));
         } else if is_guessed {
             estimated = pace::estimated(frames, size, |frame| pixels(path.order[frame]))?;
@@ -200,7 +200,7 @@ impl Rail {
                 let found = sway::found(&looked, |frame| pixels(path.order[frame]))?;
                 if let Some(found) = found.as_ref().filter(|found| !found.sway.is_empty()) {
                     notices.push(format!(
-                        "the rail sways by {:.2} px from frame to frame, which is made good in the places of its curves; set capture.sway",
+                        "the rail sways by {:.2} px from frame to frame, which is made good in the places of its curves; capture.sway=false leaves it",
                         found.px
                     ));
                     // All frames tell more than the few that were looked at.
@@ -217,8 +217,9 @@ impl Rail {
         };
         if settings.stride.is_none() {
             notices.push(match stride {
-                1 => "frames that follow each other are matched; set capture.stride".to_owned(),
-                _ => format!("frames {stride} apart are matched; set capture.stride"),
+                1 => "frames that follow each other are matched; capture.stride chooses others"
+                    .to_owned(),
+                _ => format!("frames {stride} apart are matched; capture.stride chooses others"),
             });
             if near.is_none() {
                 warnings.push(
@@ -234,14 +235,14 @@ impl Rail {
             ));
         } else if drift_px != 0.0 && settings.drift.is_none() {
             notices.push(format!(
-                "the picture drifts {drift_px:.2} rows a baseline, which is made good; set capture.drift"
+                "the picture drifts {drift_px:.2} rows a baseline, which is made good; capture.drift says another"
             ));
         }
         let disparities = near.or(far).map(|seen| seen.over(baseline as f32));
         warnings.extend(disparities.and_then(doubt));
         if is_guessed {
             notices.push(format!(
-                "where the frames were taken is not said: {}; set capture.positions",
+                "where the frames were taken is not said: {}; capture.positions says it",
                 said_of_steps(estimated.as_ref(), is_to_the_left)
             ));
         }

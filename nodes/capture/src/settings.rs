@@ -3,6 +3,8 @@
 use messages::Kind;
 use serde::{Deserialize, Serialize};
 
+use crate::layout::Layout;
+
 /// What a scan is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -67,7 +69,7 @@ messages::settings! {
     /// Where scans come from and how many of them there are.
     pub struct Settings {
         /// `scene:tab`, `scene:jack`, `scene:screwdriver`, `scene:fence` (rendered), `scene:all` (the four in turn), or the
-        /// path of a folder: of one scene's images, or of such folders, one scan each; or cameras:
+        /// path of a folder: of one scene's images, or of those of several cameras and times; or cameras:
         /// `camera:gstreamer`, `camera:v4l`, or `camera:bus`, which other programs publish.
         pub source: String = "scene:all".to_owned();
         /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps, or all. Empty:
@@ -76,6 +78,9 @@ messages::settings! {
         /// What a scan is: rig (several views taken at once) or rail (a frame of one camera that moves; the views of a
         /// scene, in order, are its frames).
         pub mode: Mode = Mode::Rig;
+        /// How the images of a folder lie, where their names leave it open: views (one scene's), times (a folder a time),
+        /// cameras (a folder a camera), flat (both in every name), columns:3 or rows:3 (several views in a picture), rail.
+        pub layout: Option<Layout> = None;
         /// Rail: frames from one member of a triple to the next; by default as many as keep nearly all disparities below
         /// a thirty-second of the image's width, and at most a quarter of the frames.
         pub stride: Option<u64> = None, in 1..=32;

@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use messages::settings::{self, Settings as _};
 use messages::{Calibration, ImageRoom, RawRoom, Size, Sway};
 
 use crate::camera_info::{self, Known};
 use crate::error::SourceError;
-use crate::folder::{self, Album, Choice, Why};
+use crate::folder::{self, Album, Choice, Found, Shot, Why};
 use crate::image_file;
+use crate::layout::Layout;
 #[cfg(feature = "node")]
 use crate::live;
 use crate::rail::{Passed, Rail};
@@ -32,6 +33,8 @@ pub struct Source {
     calibration: Option<Calibration>,
     /// Makes parallel views of images as cameras took them.
     rectifier: Option<Rectifier>,
+    /// Of images in a folder: that, and how they lie in it.
+    folder: Option<(PathBuf, Layout)>,
     notices: Vec<String>,
     warnings: Vec<String>,
 }
@@ -133,6 +136,7 @@ impl Source {
                 sensor: Sensor::new(settings.noise, settings.seed),
             },
             rail: None,
+            folder: None,
             scans: settings.scans.unwrap_or(RENDERED_SCANS),
             calibration,
             rectifier: None,
@@ -172,6 +176,7 @@ impl Source {
                 scenes: vec![Rendered::new(object, &positions)],
                 sensor: Sensor::new(settings.noise, settings.seed),
             },
+            folder: None,
             scans: settings.scans.unwrap_or(RENDERED_SCANS),
             calibration: Some(rail.calibration),
             rectifier: None,
@@ -204,9 +209,29 @@ impl Source {
             notices,
             warnings,
             kind: Kind::Cameras(known),
+            folder: None,
             rail: None,
             rectifier: None,
         })
+    }
+
+    /// How images lie in a folder, of a source that is one.
+    pub fn layout(&self) -> Option<Layout> {
+        self.folder.as_ref().map(|(_, layout)| *layout)
+    }
+
+    /// The files of a scan's chosen views, left to right, as from the source's folder; of a rail its frame's.
+    pub fn files(&self, scan: u64) -> Vec<String> {
+        let (Kind::Folders { albums, .. }, Some((root, _))) = (&self.kind, &self.folder) else {
+            return Vec::new();
+        };
+        let (scene, frame) = self.place(scan, 0);
+        let shots = &albums[scene].shots;
+        let shots = match self.rail {
+            Some(_) => &shots[frame..=frame],
+            None => &shots[..],
+        };
+        shots.iter().map(|shot| shot.file(root)).collect()
     }
 
     /// Whether it sends each frame once, when it likes: then it cannot be read, only run.
@@ -224,15 +249,26 @@ impl Source {
         known: (&[f64], &[Sway]),
     ) -> Result<Self, SourceError> {
         folder::check(path, settings::nearest(&settings.source, known_scenes()))?;
-        let albums = folder::open(path, &settings.views, settings.mode)?;
-        if settings.mode == Mode::Rail {
-            return Self::folder_rail(albums, settings, known);
+        if settings.layout == Some(Layout::Rail) && settings.mode == Mode::Rig {
+            return Err(SourceError::RailLayout);
         }
+        let found = folder::open(path, &settings.views, settings.mode, settings.layout)?;
+        if settings.mode == Mode::Rail {
+            return Self::folder_rail(path, found, settings, known);
+        }
+        let Found {
+            albums,
+            layout,
+            notices: found,
+            warnings: doubted,
+        } = found;
         let sizes: Vec<Size> = albums.iter().map(|album| album.size).collect();
         let rectifier = Rectifier::open(settings, albums[0].shots.len(), &sizes)?;
         let own = rectifier.as_ref().map(Rectifier::known);
         let (calibration, mut warnings) = calibration(settings, own.unwrap_or_default(), &sizes)?;
         let mut notices = notices(&albums);
+        notices.extend(found);
+        warnings.extend(doubted);
         if let Some(rectifier) = &rectifier {
             rectifier.remark(&mut notices, &mut warnings);
         }
@@ -248,15 +284,18 @@ impl Source {
             notices,
             warnings,
             kind: Kind::Folders { albums, kept },
+            folder: Some((path.to_owned(), layout)),
         })
     }
 
     /// The images of a folder as the frames of one camera.
     fn folder_rail(
-        albums: Vec<Album>,
+        path: &Path,
+        found: Found,
         settings: &Settings,
         (places, sway): (&[f64], &[Sway]),
     ) -> Result<Self, SourceError> {
+        let Found { albums, layout, .. } = found;
         let [album] = &albums[..] else {
             return Err(SourceError::OneScene {
                 scene: settings.source.clone(),
@@ -275,10 +314,11 @@ impl Source {
             is_described: album.is_described,
         };
         let size = album.size;
+        let read = found.warnings;
         let rectifier = Rectifier::open(settings, 1, &[size])?;
         let own = rectifier.as_ref().map(Rectifier::known);
         let camera = |in_metres| unit_camera(settings, in_metres, own.unwrap_or_default(), size);
-        let (mut notices, mut warnings) = (notices(&albums), Vec::new());
+        let (mut notices, mut warnings) = (notices(&albums), read);
         if let Some(rectifier) = &rectifier {
             rectifier.remark(&mut notices, &mut warnings);
         }
@@ -301,6 +341,7 @@ impl Source {
             warnings,
             rail: Some(rail),
             kind: Kind::Folders { albums, kept },
+            folder: Some((path.to_owned(), layout)),
         })
     }
 
@@ -381,7 +422,7 @@ impl Source {
                 .iter()
                 .zip(&albums[scene].choice.views)
                 .map(|(shot, &number)| Place {
-                    name: folder::name(&shot.path),
+                    name: shot.name(),
                     number,
                     position_steps: shot.position,
                 })
@@ -689,13 +730,13 @@ fn notices(albums: &[Album]) -> Vec<String> {
             .any(|album| album.choice.views != first.choice.views);
         let views: Vec<String> = first.choice.views.iter().map(u32::to_string).collect();
         notices.push(match (differ, albums.len()) {
-            (true, _) => format!("of each scene, {reason} is taken; choose others with views"),
+            (true, _) => format!("of each scene, {reason} is taken; choose others with --views"),
             (false, 1) => format!(
-                "views {} are taken, {reason}; choose others with views",
+                "views {} are taken, {reason}; choose others with --views",
                 views.join(",")
             ),
             (false, _) => format!(
-                "views {} of each scene are taken, {reason}; choose others with views",
+                "views {} of each scene are taken, {reason}; choose others with --views",
                 views.join(",")
             ),
         });
@@ -760,9 +801,13 @@ impl Kept {
     ) -> Result<&[u8], SourceError> {
         let key = (album, view);
         if !self.images.contains_key(&key) {
-            let path = &albums[album].shots[view].path;
-            let (size, pixels) = image_file::pixels(path, scan)?;
+            let Shot { path, part, .. } = &albums[album].shots[view];
+            let (mut size, mut pixels) = image_file::pixels(path, scan)?;
             let expected = albums[album].size;
+            if let Some(part) = part {
+                pixels = part.of(size, &pixels);
+                size = part.size(path, size)?;
+            }
             if size != expected {
                 return Err(SourceError::Changed {
                     path: path.clone(),

@@ -4,7 +4,8 @@
 
 mod rig;
 
-use capture::calibrate::{Board, Calibrated, Layout, Model, Observed, Shot, Shots, calibrate};
+use capture::Layout;
+use capture::calibrate::{Board, Calibrated, Model, Observed, Shot, Shots, calibrate};
 use glam::{DMat3, DVec3};
 use rig::{Camera, Eye, FISHEYE, Held, Lens, RADTAN, SIZE, held, rig};
 
@@ -37,13 +38,13 @@ fn shots(pictures: &Pictures) -> Shots {
     let cameras = pictures[0].len();
     let shot = |number: usize| Shot {
         name: format!("{number:02}"),
-        images: vec![Some("x".into()); cameras],
+        images: vec![Some(std::path::PathBuf::from("x").into()); cameras],
     };
     Shots {
         cameras: (0..cameras).map(|camera| format!("cam{camera}")).collect(),
         shots: (0..pictures.len()).map(shot).collect(),
         sizes: vec![SIZE; cameras],
-        layout: Layout::FolderACamera,
+        layout: Layout::Cameras,
         is_by_order: false,
         ignored: 0,
     }

@@ -124,7 +124,7 @@ fn of_more_images_the_first_three_are_taken_and_that_is_said() {
     assert_eq!(names(&source, 0), ["view0.png", "view1.png", "view2.png"]);
     assert_eq!(
         source.notices(),
-        ["views 0,1,2 are taken, the first three of more; choose others with views"]
+        ["views 0,1,2 are taken, the first three of more; choose others with --views"]
     );
     let source = folder.open_views(&[2, 6, 10]).unwrap();
     assert_eq!(names(&source, 0), ["view2.png", "view6.png", "view10.png"]);
@@ -367,7 +367,7 @@ mod descriptions {
         assert_eq!(
             source.notices(),
             [
-                "views 1,2,3 are taken, the first triple that scene.json lists; choose others with views"
+                "views 1,2,3 are taken, the first triple that scene.json lists; choose others with --views"
             ]
         );
     }

@@ -17,17 +17,17 @@ mod start;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
-use std::path::Path;
 
 use glam::{DMat3, DVec2};
 use messages::Size;
 
 pub use board::{Board, Sighting};
 pub use fit::calibrate;
-pub use shots::{Folders, Layout, Shot, Shots};
+pub use shots::{Shot, Shots};
 
 use crate::error::SourceError;
 use crate::image_file;
+use crate::layout::Piece;
 use solve::Pose;
 
 /// Sightings of a camera that tell enough.
@@ -166,8 +166,12 @@ pub struct Calibrated {
 ///
 /// # Errors
 /// A file that cannot be read or is no such image.
-pub fn read(path: &Path) -> Result<(Size, Vec<u8>), SourceError> {
-    image_file::pixels(path, None)
+pub fn read(piece: &Piece) -> Result<(Size, Vec<u8>), SourceError> {
+    let (size, pixels) = image_file::pixels(&piece.path, None)?;
+    match piece.part {
+        Some(part) => Ok((part.size(&piece.path, size)?, part.of(size, &pixels))),
+        None => Ok((size, pixels)),
+    }
 }
 
 impl Found {
@@ -315,6 +319,7 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
+    use crate::layout::Layout;
 
     const SIZE: Size = Size::new(640, 480);
 
@@ -379,11 +384,11 @@ mod tests {
             shots: (0..far_m.len())
                 .map(|i| Shot {
                     name: i.to_string(),
-                    images: vec![Some("x".into()); 3],
+                    images: vec![Some(std::path::PathBuf::from("x").into()); 3],
                 })
                 .collect(),
             sizes: vec![SIZE; 3],
-            layout: Layout::FolderACamera,
+            layout: Layout::Cameras,
             is_by_order: false,
             ignored: 0,
         };

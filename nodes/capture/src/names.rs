@@ -1,0 +1,560 @@
+//! What names of files and folders say: their order, the side a camera stands at, the fields they are made of.
+
+use std::cmp::Ordering;
+use std::collections::BTreeSet;
+
+/// A piece of a name, as people read it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Piece {
+    Number(Number),
+    Text(String),
+}
+
+/// A number of any length.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Number {
+    is_negative: bool,
+    /// Without zeros before it.
+    whole: String,
+    /// Without zeros after it.
+    fraction: String,
+}
+
+impl Ord for Number {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let size = |number: &Self| {
+            (
+                number.whole.len(),
+                number.whole.clone(),
+                number.fraction.clone(),
+            )
+        };
+        match (self.is_negative, other.is_negative) {
+            (false, false) => size(self).cmp(&size(other)),
+            (true, true) => size(other).cmp(&size(self)),
+            (own, _) => own.cmp(&false).reverse(),
+        }
+    }
+}
+
+impl PartialOrd for Number {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// How the names of a set are to be read: one by itself does not say whether its `-` is a minus and its `.` a point.
+struct Reading {
+    has_decimals: bool,
+    /// What stands before the first digit of a name: after it a `-` is a minus, for others of the set have none there.
+    bare: BTreeSet<String>,
+}
+
+impl Reading {
+    fn of(names: &[String]) -> Self {
+        let before = |name: &String| {
+            let first = name.find(|c: char| c.is_ascii_digit())?;
+            Some(name[..first].to_lowercase())
+        };
+        let mut own = Self {
+            has_decimals: true,
+            bare: names.iter().filter_map(before).collect(),
+        };
+        // Numbers with points are counted through, as in 1.9 and 1.10, where two would be one decimal.
+        let mut all: Vec<Vec<Piece>> = names.iter().map(|name| own.pieces(name)).collect();
+        let count = all.len();
+        all.sort();
+        all.dedup();
+        let different: BTreeSet<String> = names.iter().map(|name| name.to_lowercase()).collect();
+        own.has_decimals = all.len() == count.min(different.len());
+        own
+    }
+
+    fn pieces(&self, name: &str) -> Vec<Piece> {
+        let name = name.to_lowercase();
+        let chars: Vec<(usize, char)> = name.char_indices().collect();
+        let digit = |at: usize| chars.get(at).is_some_and(|(_, c)| c.is_ascii_digit());
+        let (mut pieces, mut text, mut at) = (Vec::new(), String::new(), 0);
+        while let Some(&(byte, c)) = chars.get(at) {
+            let is_negative = c == '-' && digit(at + 1) && self.is_minus(&name[..byte]);
+            if !is_negative && !c.is_ascii_digit() {
+                text.push(c);
+                at += 1;
+                continue;
+            }
+            if !text.is_empty() {
+                pieces.push(Piece::Text(std::mem::take(&mut text)));
+            }
+            at += usize::from(is_negative);
+            let run = |at: &mut usize| {
+                let from = *at;
+                while digit(*at) {
+                    *at += 1;
+                }
+                chars[from..*at].iter().map(|(_, c)| *c).collect::<String>()
+            };
+            let is_after_point = byte > 0 && name[..byte].ends_with(['.', ',']) && !is_negative;
+            let whole = run(&mut at);
+            let mut fraction = String::new();
+            let point = |at: usize| chars.get(at).is_some_and(|(_, c)| ['.', ','].contains(c));
+            if self.has_decimals && !is_after_point && point(at) && digit(at + 1) {
+                let mut end = at + 1;
+                let digits = run(&mut end);
+                // 2024.11.29 is no number.
+                if !(point(end) && digit(end + 1)) {
+                    (fraction, at) = (digits, end);
+                }
+            }
+            let whole = whole.trim_start_matches('0').to_owned();
+            let fraction = fraction.trim_end_matches('0').to_owned();
+            pieces.push(Piece::Number(Number {
+                is_negative: is_negative && !(whole.is_empty() && fraction.is_empty()),
+                whole,
+                fraction,
+            }));
+        }
+        if !text.is_empty() {
+            pieces.push(Piece::Text(text));
+        }
+        pieces
+    }
+
+    /// Whether a `-` after this and before a digit is a minus, and no hyphen.
+    fn is_minus(&self, before: &str) -> bool {
+        match before.chars().next_back() {
+            None | Some('_' | ' ' | '=' | '(' | '+') => true,
+            Some(last) => last.is_alphabetic() && self.bare.contains(before),
+        }
+    }
+}
+
+/// Sorts by name as people do: numbers by their value, letters whether large or small.
+pub(crate) fn sort<T>(items: &mut [T], name: impl Fn(&T) -> String) {
+    let names: Vec<String> = items.iter().map(&name).collect();
+    let reading = Reading::of(&names);
+    items.sort_by_cached_key(|item| {
+        let name = name(item);
+        (reading.pieces(&name), name)
+    });
+}
+
+/// Words for the left, the middle and the right.
+const SIDES: [&[&str]; 3] = [
+    &[
+        "left",
+        "lft",
+        "gauche",
+        "links",
+        "linke",
+        "linker",
+        "linkes",
+        "izquierda",
+        "izquierdo",
+        "izq",
+        "sinistra",
+        "sinistro",
+        "sx",
+        "esquerda",
+        "esquerdo",
+        "lewa",
+        "lewy",
+        "levy",
+        "vlevo",
+        "vanster",
+        "vänster",
+        "venstre",
+        "vasen",
+        "lijevo",
+        "levo",
+        "左",
+    ],
+    &[
+        "centre", "center", "central", "centro", "centrale", "centr", "ctr", "middle", "mid",
+        "milieu", "mitte", "mittel", "mittlere", "medio", "mezzo", "meio", "midden", "srodek",
+        "stred", "mitten", "midten", "keski", "orta", "中", "中央",
+    ],
+    &[
+        "right", "rgt", "droite", "droit", "rechts", "rechte", "rechter", "rechtes", "derecha",
+        "derecho", "destra", "destro", "dx", "direita", "direito", "prawa", "prawy", "pravy",
+        "vpravo", "hoger", "höger", "hoyre", "høyre", "oikea", "desno", "sağ", "右",
+    ],
+];
+
+/// Letters for them, as languages have them: left, middle, right.
+const LETTERS: [[&str; 3]; 5] = [
+    ["l", "cm", "r"],
+    ["g", "cm", "d"],
+    ["i", "cm", "d"],
+    ["s", "cm", "d"],
+    ["e", "cm", "d"],
+];
+
+/// Words that say that a camera stands further out than the next one.
+const OUTER: [&str; 6] = ["far", "outer", "extreme", "outermost", "wide", "aussen"];
+/// What may stand together with the word for a side, as in `leftcam`.
+const COMPANIONS: [&str; 12] = [
+    "cam", "camera", "kamera", "caméra", "camara", "img", "image", "view", "eye", "lens", "ir",
+    "mono",
+];
+
+/// Words after which a number is that of a camera.
+const CAMERAS: [&str; 16] = [
+    "cam", "camera", "cameras", "kamera", "caméra", "camara", "view", "views", "vue", "lens",
+    "sensor", "eye", "device", "dev", "im", "col",
+];
+/// Words after which a number is that of a time.
+const TIMES: [&str; 21] = [
+    "frame",
+    "frames",
+    "scan",
+    "scene",
+    "time",
+    "t",
+    "shot",
+    "set",
+    "take",
+    "sample",
+    "capture",
+    "seq",
+    "sequence",
+    "run",
+    "step",
+    "timestamp",
+    "stamp",
+    "n",
+    "no",
+    "trigger",
+    "szene",
+];
+/// Words for pictures: a folder of this name with a number is a camera's, and a file's number may be anything.
+const PICTURES: [&str; 6] = ["image", "images", "img", "picture", "photo", "bild"];
+
+/// A field of a name: a run of letters or of digits.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Field {
+    /// In small letters; of a number without zeros before it.
+    pub(crate) text: String,
+    pub(crate) is_number: bool,
+}
+
+/// The fields of a name, with what stands between them left out. Small and large letters are fields of their own where
+/// they meet as in `camLeft`.
+pub(crate) fn fields(name: &str) -> Vec<Field> {
+    let (mut fields, mut own) = (Vec::new(), String::new());
+    let mut last: Option<char> = None;
+    let mut close = |own: &mut String| {
+        let text = std::mem::take(own);
+        let is_number = text.starts_with(|c: char| c.is_ascii_digit());
+        let text = match is_number {
+            true => {
+                let short = text.trim_start_matches('0');
+                if short.is_empty() { "0" } else { short }.to_owned()
+            }
+            false => text.to_lowercase(),
+        };
+        if !text.is_empty() {
+            fields.push(Field { text, is_number });
+        }
+    };
+    for c in name.chars() {
+        let goes_on = last.is_some_and(|last| match () {
+            () if c.is_ascii_digit() => last.is_ascii_digit(),
+            () if !c.is_alphabetic() => false,
+            () => last.is_alphabetic() && !(last.is_lowercase() && c.is_uppercase()),
+        });
+        if !goes_on {
+            close(&mut own);
+        }
+        if c.is_alphanumeric() {
+            own.push(c);
+        }
+        last = Some(c);
+    }
+    close(&mut own);
+    fields
+}
+
+/// What a number stands for, by the word before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Counts {
+    Cameras,
+    Times,
+    Unknown,
+}
+
+/// What a field of these, a number, counts.
+pub(crate) fn counts(fields: &[Field], at: usize, is_folder: bool) -> Counts {
+    let before = fields[..at].last().filter(|field| !field.is_number);
+    let word = before.map_or("", |field| field.text.as_str());
+    match () {
+        () if CAMERAS.contains(&word) || (is_folder && PICTURES.contains(&word)) => Counts::Cameras,
+        () if TIMES.contains(&word) => Counts::Times,
+        () => Counts::Unknown,
+    }
+}
+
+/// The side a word names: −1 left, 0 the middle, 1 right.
+fn side(word: &str, letters: [&str; 3]) -> Option<i32> {
+    let is = |own: &&str| {
+        let rest = match word.strip_prefix(own) {
+            Some(rest) => Some(rest),
+            None => word.strip_suffix(own),
+        };
+        word == *own
+            || (own.chars().count() > 3 && rest.is_some_and(|rest| COMPANIONS.contains(&rest)))
+    };
+    let is_letter = |own: &str| word.chars().count() == 1 && own.contains(word);
+    let of = (0..3).find(|&side| SIDES[side].iter().any(is) || is_letter(letters[side]))?;
+    Some(of as i32 - 1)
+}
+
+/// How far to the right of the middle a name says that its camera stands.
+fn rank(name: &str, letters: [&str; 3], first: i32) -> Option<i32> {
+    let fields = fields(name);
+    let sides: BTreeSet<i32> = fields
+        .iter()
+        .filter(|field| !field.is_number)
+        .filter_map(|field| side(&field.text, letters))
+        .collect();
+    // What is called left of the centre is left.
+    let side = match (sides.contains(&-1), sides.contains(&1)) {
+        (true, true) => return None,
+        (true, false) => -1,
+        (false, true) => 1,
+        (false, false) => *sides.first()?,
+    };
+    let is_outer = fields
+        .iter()
+        .any(|field| OUTER.contains(&field.text.as_str()));
+    let numbers = fields.iter().filter(|field| field.is_number);
+    let number = numbers
+        .last()
+        .and_then(|field| field.text.parse::<u16>().ok());
+    let number = number.map_or(1, |number| i32::from(number) + 1 - first);
+    Some(match (side, is_outer) {
+        (0, _) => 0,
+        (side, true) => side * (number + 1),
+        (side, false) => side * number,
+    })
+}
+
+/// The order from left to right of cameras whose names all say on which side they stand, each on another.
+fn ranks(names: &[String]) -> Option<Vec<i32>> {
+    let has_zero = |name: &String| {
+        let fields = fields(name);
+        fields
+            .last()
+            .is_some_and(|last| last.is_number && last.text == "0")
+    };
+    let first = i32::from(!names.iter().any(has_zero));
+    // Without a number of its own a side is one, and a number common to all is none of a side's.
+    let common = common_numbers(names);
+    let bare: Vec<String> = names.iter().map(|name| without(name, &common)).collect();
+    LETTERS.into_iter().find_map(|letters| {
+        let ranks: Option<Vec<i32>> = bare.iter().map(|name| rank(name, letters, first)).collect();
+        let ranks = ranks?;
+        let different: BTreeSet<i32> = ranks.iter().copied().collect();
+        (different.len() == names.len() && different.len() > 1).then_some(ranks)
+    })
+}
+
+/// Numbers that every name has.
+fn common_numbers(names: &[String]) -> BTreeSet<String> {
+    let numbers = |name: &String| -> BTreeSet<String> {
+        let fields = fields(name);
+        let numbers = fields.into_iter().filter(|field| field.is_number);
+        numbers.map(|field| field.text).collect()
+    };
+    let mut all = names.iter().map(numbers);
+    let first = all.next().unwrap_or_default();
+    all.fold(first, |common, own| {
+        common.intersection(&own).cloned().collect()
+    })
+}
+
+/// The name, in fields, without these numbers.
+fn without(name: &str, numbers: &BTreeSet<String>) -> String {
+    let fields = fields(name);
+    let kept = fields
+        .into_iter()
+        .filter(|field| !(field.is_number && numbers.contains(&field.text)));
+    kept.map(|field| field.text).collect::<Vec<_>>().join("_")
+}
+
+/// Whether these names say from left to right in which order their cameras stand.
+pub(crate) fn are_sides(names: &[String]) -> bool {
+    ranks(names).is_some()
+}
+
+/// Puts cameras in order: from left to right where all say where they stand, else by name.
+pub(crate) fn sort_cameras<T>(items: &mut Vec<T>, name: impl Fn(&T) -> String) {
+    sort(items, &name);
+    let names: Vec<String> = items.iter().map(&name).collect();
+    if let Some(ranks) = ranks(&names) {
+        let mut ranked: Vec<(i32, T)> = ranks.into_iter().zip(items.drain(..)).collect();
+        ranked.sort_by_key(|(rank, _)| *rank);
+        items.extend(ranked.into_iter().map(|(_, item)| item));
+    }
+}
+
+/// Of names some of which say left and right and others no side at all, one that does not.
+pub(crate) fn beside_sides(names: &[String]) -> Option<&String> {
+    let sides = |name: &String| -> BTreeSet<i32> {
+        let fields = fields(name);
+        let of = fields
+            .iter()
+            .filter_map(|field| side(&field.text, ["", "", ""]));
+        of.collect()
+    };
+    let all: Vec<BTreeSet<i32>> = names.iter().map(sides).collect();
+    let any = |side: i32| all.iter().any(|own| own.contains(&side));
+    let without = all.iter().position(BTreeSet::is_empty)?;
+    (any(-1) && any(1)).then(|| &names[without])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sorted<const N: usize>(names: [&str; N]) -> [&str; N] {
+        let mut names = names;
+        sort(&mut names, |name| (*name).to_owned());
+        names
+    }
+
+    fn in_a_row<const N: usize>(names: [&'static str; N]) -> Vec<&'static str> {
+        let mut names = names.to_vec();
+        names.sort_unstable();
+        sort_cameras(&mut names, |name| (*name).to_owned());
+        names
+    }
+
+    #[test]
+    fn names_are_sorted_by_the_value_of_their_numbers() {
+        let names = [
+            "view10", "view9", "b", "view1b", "view01", "view1", "a2x10", "a2x9",
+        ];
+        let expected = [
+            "a2x9", "a2x10", "b", "view01", "view1", "view1b", "view9", "view10",
+        ];
+        assert_eq!(sorted(names), expected);
+    }
+
+    #[test]
+    fn numbers_too_large_for_any_type_are_still_compared() {
+        let (small, large) = ("9".repeat(40), "1".to_owned() + &"0".repeat(40));
+        assert_eq!(sorted([&large, &small]), [&small, &large]);
+    }
+
+    #[test]
+    fn large_and_small_letters_are_the_same() {
+        assert_eq!(
+            sorted(["img_2", "IMG_3", "IMG_1"]),
+            ["IMG_1", "img_2", "IMG_3"]
+        );
+    }
+
+    #[test]
+    fn a_minus_and_a_point_belong_to_the_number() {
+        assert_eq!(
+            sorted(["0.5", "-0.5", "1.5", "-1.5", "-10"]),
+            ["-10", "-1.5", "-0.5", "0.5", "1.5"]
+        );
+        assert_eq!(
+            sorted(["x2", "x-1", "x0", "x-2", "x1"]),
+            ["x-2", "x-1", "x0", "x1", "x2"]
+        );
+        assert_eq!(
+            sorted(["pos_0.25", "pos_-3", "pos_0.3"]),
+            ["pos_-3", "pos_0.25", "pos_0.3"]
+        );
+    }
+
+    #[test]
+    fn a_hyphen_before_every_number_is_no_minus_and_a_counted_point_none_either() {
+        assert_eq!(
+            sorted(["img-3", "img-1", "img-2"]),
+            ["img-1", "img-2", "img-3"]
+        );
+        assert_eq!(sorted(["1.10", "1.9", "1.1"]), ["1.1", "1.9", "1.10"]);
+        assert_eq!(
+            sorted(["2024.11.9", "2024.11.10", "2024.2.1"]),
+            ["2024.2.1", "2024.11.9", "2024.11.10"]
+        );
+    }
+
+    #[test]
+    fn sides_are_put_from_left_to_right_in_words_and_letters() {
+        for names in [
+            ["left", "centre", "right"],
+            ["gauche", "centre", "droite"],
+            ["links", "mitte", "rechts"],
+            ["izquierda", "centro", "derecha"],
+            ["sinistra", "centro", "destra"],
+            ["esquerda", "meio", "direita"],
+            ["L", "C", "R"],
+            ["L", "M", "R"],
+            ["G", "C", "D"],
+            ["scan7_l", "scan7_c", "scan7_r"],
+            ["camLeft", "camCenter", "camRight"],
+            ["leftcam", "middlecam", "rightcam"],
+            ["000-L", "000-C", "000-R"],
+            ["LEFT_12", "Middle_12", "right_12"],
+            ["左", "中", "右"],
+        ] {
+            assert_eq!(in_a_row(names), names);
+        }
+    }
+
+    #[test]
+    fn more_than_three_sides_go_out_from_the_middle() {
+        for names in [
+            ["left2", "left1", "centre", "right1", "right2"],
+            ["l1", "l0", "c", "r0", "r1"],
+            [
+                "cam_far_left",
+                "cam_left",
+                "cam_centre",
+                "cam_right",
+                "cam_far_right",
+            ],
+            [
+                "outer_left",
+                "inner_left",
+                "mid",
+                "inner_right",
+                "outer_right",
+            ],
+        ] {
+            assert_eq!(in_a_row(names), names);
+        }
+    }
+
+    #[test]
+    fn words_that_only_hold_a_side_are_none() {
+        for word in [
+            "bright",
+            "upright",
+            "cleft",
+            "righteous",
+            "card",
+            "l",
+            "decenter",
+        ] {
+            assert!(side(word, ["", "", ""]).is_none(), "{word}");
+        }
+        assert_eq!(
+            in_a_row(["bright", "dark", "left"]),
+            ["bright", "dark", "left"]
+        );
+    }
+
+    #[test]
+    fn a_name_without_a_side_beside_two_with_one_is_found() {
+        let names = |names: [&str; 3]| names.map(str::to_owned);
+        let open = names(["left", "right", "disparity"]);
+        assert_eq!(beside_sides(&open), Some(&open[2]));
+        assert_eq!(beside_sides(&names(["left", "mid", "right"])), None);
+        assert_eq!(beside_sides(&names(["a", "b", "left"])), None);
+    }
+}
