@@ -44,6 +44,6 @@ mod truth;
 pub use calibration::{Camera, Lens, of_residual};
 pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
 pub use rectify::Map;
-pub use settings::{Mode, Settings, Views};
+pub use settings::{LensModel, Mode, Settings, Views};
 pub use source::{Place, Source};
 pub use truth::Truth;
