@@ -1,10 +1,12 @@
-//! Calibration from a ROS `camera_info` file, and from single settings on top of it.
+//! Calibration from ROS `camera_info` of rectified images, and from single settings on top of it.
 
 use std::path::{Path, PathBuf};
 
 use messages::{Calibration, Size};
-use serde::Deserialize;
 
+use crate::calibration::plausible::{self, Doubt, Said};
+use crate::calibration::ros::{self, CameraInfo, Projection};
+use crate::calibration::{self, MOST_UNEQUAL, Why, text};
 use crate::error::SourceError;
 use crate::settings::Settings;
 
@@ -46,90 +48,174 @@ impl Known {
     }
 }
 
-/// The keys of a `camera_info` file that matter here.
-#[derive(Debug, Deserialize)]
-struct CameraInfo {
-    image_width: Option<u32>,
-    image_height: Option<u32>,
-    camera_matrix: Option<Matrix>,
-    distortion_coefficients: Option<Matrix>,
-    projection_matrix: Option<Matrix>,
+/// What is known, and what is to be said of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Read {
+    pub(crate) known: Known,
+    pub(crate) notices: Vec<String>,
+    pub(crate) warnings: Vec<String>,
 }
 
-#[derive(Debug, Deserialize)]
-struct Matrix {
-    data: Vec<f64>,
-}
-
-/// Reads a ROS `camera_info` file, which must describe rectified images of these sizes.
-///
-/// Of a right camera the projection matrix holds −f·b at the end of its first row, b being the distance to the left
-/// one.
-pub(crate) fn read(path: &Path, sizes: &[Size]) -> Result<Known, SourceError> {
-    let wrong = |why: String| SourceError::CameraInfo {
+/// Reads ROS `camera_info` files, which must describe rectified images of these sizes: of one camera, that next to the
+/// first, or of all views. `is_said` where `capture.baseline` says how far apart these are.
+pub(crate) fn read(
+    files: &str,
+    views: usize,
+    sizes: &[Size],
+    is_said: bool,
+) -> Result<Read, SourceError> {
+    let wrong = |path: &Path, why: String| SourceError::CameraInfo {
         path: PathBuf::from(path),
         why,
     };
-    let text = std::fs::read_to_string(path).map_err(SourceError::io(path))?;
-    let info: CameraInfo = serde_saphyr::from_str(&text).map_err(|error| {
-        // The parser draws the place under its first line; one line will do.
-        wrong(format!(
-            "it is no camera_info YAML ({})",
-            error.to_string().lines().next().unwrap_or_default()
-        ))
-    })?;
-    let missing = |key: &str| {
-        wrong(format!(
-            "the key {key} of a ROS camera_info file is missing"
-        ))
-    };
-    let width = info.image_width.ok_or_else(|| missing("image_width"))?;
-    let height = info.image_height.ok_or_else(|| missing("image_height"))?;
-    let intrinsic = info
-        .camera_matrix
-        .ok_or_else(|| missing("camera_matrix"))?
-        .data;
-    let projection = info
-        .projection_matrix
-        .ok_or_else(|| missing("projection_matrix"))?
-        .data;
-    for (key, matrix, count) in [
-        ("camera_matrix", &intrinsic, 9),
-        ("projection_matrix", &projection, 12),
-    ] {
-        if matrix.len() != count || !matrix.iter().all(|value| value.is_finite()) {
-            return Err(wrong(format!(
-                "{key} must hold {count} numbers, and holds {}",
-                matrix.len()
-            )));
+    let mut infos = Vec::new();
+    for path in calibration::paths(files) {
+        let text = text::read(&path)?;
+        let found = text::documents(&text).and_then(|documents| ros::infos(&documents));
+        infos.extend(found.map_err(|why| wrong(&path, why))?);
+    }
+    of(&infos, views, sizes, is_said).map_err(|why| wrong(Path::new(files), why))
+}
+
+/// What messages say that describe rectified images of these sizes: of one camera, that next to the first, or of all views.
+///
+/// Of a camera that stands to the right of the first the projection matrix holds −f·b at the end of its first row, b being
+/// the distance between the two.
+///
+/// # Errors
+/// Messages that contradict each other, are of other images, or hold what no camera has.
+pub(crate) fn of(
+    infos: &[CameraInfo],
+    views: usize,
+    sizes: &[Size],
+    is_said: bool,
+) -> Result<Read, Why> {
+    if infos.is_empty() {
+        return Err("it names no file".to_owned());
+    }
+    if infos.len() > 1 && infos.len() != views {
+        return Err(format!(
+            "it describes {} cameras, and there are {views} views: give the camera_info of the camera next to the first, or one a view, left to right",
+            infos.len()
+        ));
+    }
+    let mut read = Read::default();
+    let mut projections: Vec<Projection> = Vec::new();
+    for (view, info) in infos.iter().enumerate() {
+        let name = info.called(view);
+        let calibrated = info
+            .size
+            .ok_or_else(|| "the key image_width of a ROS camera_info file is missing".to_owned())?;
+        let own = info.projection(&name)?;
+        if let Some(size) = sizes.iter().find(|&&size| size != calibrated) {
+            return Err(format!(
+                "{name} is for images of {calibrated} pixels, and these are {size}"
+            ));
         }
+        if let Some(first) = projections.first() {
+            let is_off = |a: f64, b: f64| (a - b).abs() > 0.01;
+            let is_other = is_off(own.focal_px, first.focal_px)
+                || (0..2).any(|axis| is_off(own.centre[axis], first.centre[axis]));
+            if is_other {
+                return Err(format!(
+                    "the projection of {name} has f {}, c {}, {}, and that of the first {}, {}, {}: they must be of one rectification",
+                    own.focal_px,
+                    own.centre[0],
+                    own.centre[1],
+                    first.focal_px,
+                    first.centre[0],
+                    first.centre[1]
+                ));
+            }
+        } else {
+            let size = calibrated;
+            doubt(
+                plausible::focal(own.focal_px, size, "its focal length"),
+                &mut read,
+            )?;
+            doubt(
+                plausible::centre(own.centre, size, "its principal point"),
+                &mut read,
+            )?;
+        }
+        projections.push(own);
     }
-    let calibrated = Size::new(width, height);
-    if let Some(size) = sizes.iter().find(|&&size| size != calibrated) {
-        return Err(wrong(format!(
-            "it is for images of {calibrated} pixels, and these are {size}"
-        )));
+    let first = projections[0];
+    let shift = match *projections {
+        [one] if one.shift > 0.0 => {
+            read.notices.push(format!(
+                "P[3] of camera_info is positive ({}), as of a camera that stands to the left of the first: its size alone is taken",
+                one.shift
+            ));
+            -one.shift
+        }
+        [one] => one.shift,
+        _ => step_of(&projections)?,
+    };
+    let step_m = -shift / first.focal_px;
+    // The left camera's is zero: the baseline is then unknown.
+    let baseline_m = (shift != 0.0).then_some(step_m);
+    if let (Some(step_m), false) = (baseline_m, is_said) {
+        let said = Said::Projection {
+            shift: projections.get(1).unwrap_or(&first).shift,
+            focal_px: first.focal_px,
+        };
+        doubt(plausible::baseline(step_m, said), &mut read)?;
     }
-    let is_distorted = info
-        .distortion_coefficients
-        .is_some_and(|matrix| matrix.data.iter().any(|&value| value != 0.0));
-    let [fx, fy] = [projection[0], projection[5]];
-    if fx <= 0.0 {
-        return Err(wrong(format!(
-            "its focal length must be positive, not {fx}"
-        )));
+    let [cx, cy] = first.centre;
+    read.notices.push(format!(
+        "of camera_info are taken: focal length {} px, principal point {cx}, {cy}{}",
+        first.focal_px,
+        match baseline_m {
+            Some(_) => "",
+            None => "; the baseline is not, for P[3] is 0, as of a left camera",
+        }
+    ));
+    read.known = Known {
+        focal_px: Some(first.focal_px),
+        cx: Some(cx),
+        cy: Some(cy),
+        baseline_m,
+        is_distorted: infos
+            .iter()
+            .any(|info| info.d.iter().any(|&value| value != 0.0)),
+    };
+    Ok(read)
+}
+
+/// P[3] of a camera beside the first, where all stand at equal steps.
+fn step_of(projections: &[Projection]) -> Result<f64, Why> {
+    let shifts: Vec<f64> = projections.iter().map(|one| one.shift).collect();
+    let shown = || {
+        shifts
+            .iter()
+            .map(f64::to_string)
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    let mean = (shifts[shifts.len() - 1] - shifts[0]) / (shifts.len() - 1) as f64;
+    let mut steps = shifts.windows(2).map(|pair| pair[1] - pair[0]);
+    if mean >= 0.0 {
+        return Err(format!(
+            "P[3] of the views is {}, and from left to right it must fall: −f·x of a camera that stands x to the right of the first",
+            shown()
+        ));
     }
-    if (fx - fy).abs() > 1e-3 * fx {
-        return Err(wrong(format!(
-            "its focal lengths differ, {fx} and {fy}, and pixels must be square"
-        )));
+    if steps.any(|step| (step / mean - 1.0).abs() > MOST_UNEQUAL) {
+        return Err(format!(
+            "P[3] of the views is {}, so that they stand at unequal steps, and their steps must be equal",
+            shown()
+        ));
     }
-    Ok(Known {
-        focal_px: Some(fx),
-        cx: Some(projection[2]),
-        cy: Some(projection[6]),
-        // The left camera's is zero: the baseline is then unknown.
-        baseline_m: (projection[3] != 0.0).then(|| (projection[3] / fx).abs()),
-        is_distorted,
-    })
+    Ok(mean)
+}
+
+/// Refuses, or notes what is to be said.
+fn doubt(doubt: Option<Doubt>, read: &mut Read) -> Result<(), Why> {
+    match doubt {
+        Some(Doubt::Refused(why)) => return Err(why),
+        Some(Doubt::Told(why)) => read.warnings.push(why),
+        None => {}
+    }
+    Ok(())
 }

@@ -490,6 +490,16 @@ pub enum SourceError {
     #[error("cannot start a camera's thread: {0}")]
     Thread(io::Error),
 
+    /// A lens model without coefficients.
+    #[error(
+        "capture.lens says what the coefficients in capture.calibration are, and that is not set: set it, or leave capture.lens out"
+    )]
+    LensOfNothing,
+
+    /// A setting that no camera has.
+    #[error("{0}")]
+    Implausible(String),
+
     /// A camera_info file that cannot be used.
     #[error("{} gives no calibration: {why}", path.display())]
     CameraInfo {
@@ -523,6 +533,8 @@ impl SourceError {
                 | Self::Side { .. }
                 | Self::RailOfRig { .. }
                 | Self::RailLayout
+                | Self::LensOfNothing
+                | Self::Implausible(_)
                 | Self::PositionsOfCamera
                 | Self::OneCamera { .. }
                 | Self::UnknownWay { .. }

@@ -49,6 +49,6 @@ pub use error::{LEAST_SIDE, MOST_PIXELS, SourceError};
 pub use layout::{Layout, Piece};
 pub use panels::Part;
 pub use rectify::Map;
-pub use settings::{Mode, Settings, Views};
+pub use settings::{LensModel, Mode, Settings, Views};
 pub use source::{Place, Source};
 pub use truth::Truth;

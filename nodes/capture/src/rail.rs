@@ -4,6 +4,7 @@ use std::path::Path;
 
 use messages::{Calibration, Size, Sway};
 
+use crate::calibration::plausible::{self, Doubt, Said, metres};
 use crate::error::SourceError;
 use crate::motion::{Picture, SPACING, moved, quantile};
 use crate::pace::{self, Estimated};
@@ -46,6 +47,16 @@ pub(crate) struct Rail {
     /// What nearly all disparities lie between, in pixels a baseline, where they were looked at.
     pub(crate) disparities: Option<(f32, f32)>,
     pub(crate) calibration: Calibration,
+    pub(crate) notices: Vec<String>,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// What is known of a camera whose baseline is one unit of position.
+#[derive(Clone, Debug)]
+pub(crate) struct Unit {
+    pub(crate) camera: Calibration,
+    /// Whether the length of a unit is known.
+    pub(crate) is_known: bool,
     pub(crate) notices: Vec<String>,
     pub(crate) warnings: Vec<String>,
 }
@@ -102,7 +113,7 @@ impl Rail {
         settings: &Settings,
         path: Passed,
         size: Size,
-        camera: impl FnOnce(bool) -> Result<(Calibration, Vec<String>), SourceError>,
+        camera: impl FnOnce(bool) -> Result<Unit, SourceError>,
         mut pixels: impl FnMut(usize) -> Result<Vec<u8>, SourceError>,
     ) -> Result<Self, SourceError> {
         if settings.speed.is_some() {
@@ -117,7 +128,13 @@ impl Rail {
             let read = positions::read(Path::new(file), frames)?;
             (positions, in_metres) = (read.values, read.in_metres);
         }
-        let (camera, mut warnings) = camera(in_metres)?;
+        let Unit {
+            camera,
+            is_known,
+            notices: of_camera,
+            mut warnings,
+        } = camera(in_metres)?;
+        notices.extend(of_camera);
         let mut estimated = None;
         let most = pace::most_frames(size);
         if is_guessed && frames > most {
@@ -247,6 +264,11 @@ impl Rail {
             ));
         }
         let step_m = camera.baseline_m;
+        if is_known {
+            let step_m = step_m * baseline;
+            notices.push(said_of_step(step_m));
+            warnings.extend(plausible::baseline(step_m, Said::Rail).map(Doubt::why));
+        }
         Ok(Self {
             positions_m: positions.iter().map(|place| place * step_m).collect(),
             places: is_guessed.then_some(positions),
@@ -280,6 +302,15 @@ impl Rail {
         let turn = (scan % self.order.len() as u64) as usize;
         (self.order[turn], self.positions_m[turn])
     }
+}
+
+/// How far the camera moves from one frame of a triple to the next.
+pub(crate) fn said_of_step(step_m: f64) -> String {
+    format!(
+        "baseline {} from one frame of a triple to the next, {} from its first to its last",
+        metres(step_m),
+        metres(2.0 * step_m)
+    )
 }
 
 /// What the pictures say against it that anything can be matched: by disparities in pixels a baseline.

@@ -8,7 +8,9 @@
 use glam::DVec3;
 use messages::{Calibration, Size};
 
-use crate::calibration::{self, Camera, Geometry};
+use crate::calibration::plausible::{self, Doubt};
+use crate::calibration::ros::CameraInfo;
+use crate::calibration::{self, Camera, Geometry, Mounted, Why};
 use crate::camera_info::Known;
 use crate::error::SourceError;
 use crate::settings::Settings;
@@ -173,6 +175,10 @@ fn nearest(is_set: &[bool], at: usize) -> Option<usize> {
 pub(crate) struct Rectifier {
     maps: Vec<Map>,
     geometry: Geometry,
+    /// What is to be said of the lenses.
+    lenses: String,
+    /// What speaks against the numbers.
+    doubts: Vec<String>,
 }
 
 impl Rectifier {
@@ -187,8 +193,16 @@ impl Rectifier {
             return Err(SourceError::NothingRectified);
         }
         match (&settings.calibration, &settings.camera_info) {
+            (None, _) if settings.lens.is_some() => Err(SourceError::LensOfNothing),
             (None, _) => Ok(None),
-            (Some(files), None) => Self::read(files, views, sizes).map(Some),
+            (Some(files), None) => {
+                let mounted = calibration::read(files, views, sizes, settings.lens)?;
+                let rectifier = Self::of(&mounted, settings, sizes);
+                rectifier.map(Some).map_err(|why| SourceError::CameraInfo {
+                    path: files.into(),
+                    why,
+                })
+            }
             (Some(_), Some(other)) => Err(SourceError::CameraInfo {
                 path: other.into(),
                 why: "camera_info is of images that are rectified already and calibration of images as cameras took them; set one of the two".to_owned(),
@@ -200,6 +214,7 @@ impl Rectifier {
     pub(crate) fn refuse(settings: &Settings, why: &str) -> Result<(), SourceError> {
         match &settings.calibration {
             None if settings.raw => Err(SourceError::NothingRectified),
+            None if settings.lens.is_some() => Err(SourceError::LensOfNothing),
             None => Ok(()),
             Some(files) => Err(SourceError::CameraInfo {
                 path: files.into(),
@@ -208,14 +223,38 @@ impl Rectifier {
         }
     }
 
-    /// Reads the calibration files and works out the maps.
-    fn read(files: &str, views: usize, sizes: &[Size]) -> Result<Self, SourceError> {
-        let mounted = calibration::read(files, views, sizes)?;
+    /// The rectifier of images as they were taken, from the messages of their cameras, one a view from left to right.
+    ///
+    /// # Errors
+    /// What is wrong with them, as the second half of a sentence.
+    #[expect(
+        dead_code,
+        reason = "sources that carry their calibration along open it with this"
+    )]
+    pub(crate) fn of_infos(
+        infos: &[CameraInfo],
+        settings: &Settings,
+        sizes: &[Size],
+    ) -> Result<Self, Why> {
+        let mounted = calibration::of_infos(infos, infos.len(), sizes, settings.lens)?;
+        Self::of(&mounted, settings, sizes)
+    }
+
+    /// Works out the maps.
+    fn of(mounted: &[Mounted], settings: &Settings, sizes: &[Size]) -> Result<Self, Why> {
         let size = sizes.first().copied().unwrap_or_default();
-        let geometry = Geometry::of(&mounted, size).map_err(|why| SourceError::CameraInfo {
-            path: files.into(),
-            why,
-        })?;
+        let geometry = Geometry::of(mounted, size)?;
+        let mut doubts = Vec::new();
+        for found in [
+            plausible::focal(geometry.calibration.focal_px, size, "the focal length"),
+            geometry.doubt().filter(|_| settings.baseline.is_none()),
+        ] {
+            match found {
+                Some(Doubt::Refused(why)) => return Err(why),
+                Some(Doubt::Told(why)) => doubts.push(why),
+                None => {}
+            }
+        }
         let Calibration {
             focal_px, cx, cy, ..
         } = geometry.calibration;
@@ -230,7 +269,12 @@ impl Rectifier {
             .zip(geometry.turns.iter().copied())
             .map(map)
             .collect();
-        Ok(Self { maps, geometry })
+        Ok(Self {
+            maps,
+            lenses: lenses(mounted),
+            geometry,
+            doubts,
+        })
     }
 
     /// What is known of the rectified views.
@@ -254,7 +298,9 @@ impl Rectifier {
 
     /// Adds what the user should be told once, and what makes results less than they could be.
     pub(crate) fn remark(&self, notices: &mut Vec<String>, warnings: &mut Vec<String>) {
+        notices.push(self.lenses.clone());
         self.geometry.remark(notices, warnings);
+        warnings.extend_from_slice(&self.doubts);
         for (view, map) in self.maps.iter().enumerate() {
             let part = map.outside() as f64 / map.size.pixels() as f64;
             if map.outside() > 0 {
@@ -264,6 +310,21 @@ impl Rectifier {
                     part * 100.0
                 ));
             }
+        }
+    }
+}
+
+/// The models that lenses were taken for.
+fn lenses(mounted: &[Mounted]) -> String {
+    let named = |one: &Mounted| format!("{}: {}", one.name, one.lens);
+    match mounted {
+        [first, rest @ ..] if rest.iter().all(|one| one.lens == first.lens) => {
+            let names: Vec<&str> = mounted.iter().map(|one| one.name.as_str()).collect();
+            format!("the lens model of {} is {}", names.join(", "), first.lens)
+        }
+        all => {
+            let all: Vec<String> = all.iter().map(named).collect();
+            format!("lens models are of {}", all.join("; of "))
         }
     }
 }

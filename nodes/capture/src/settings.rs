@@ -16,6 +16,22 @@ pub enum Mode {
     Rail,
 }
 
+/// What a lens does, by the names that ROS has for it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LensModel {
+    /// Radial and tangential distortion, k1, k2, p1, p2 and k3.
+    #[serde(alias = "radtan")]
+    PlumbBob,
+    /// The same with k4, k5 and k6, and where there are more, thin prism s1 to s4 and tilt τx and τy.
+    RationalPolynomial,
+    /// A fisheye, k1 to k4.
+    #[serde(alias = "fisheye")]
+    Equidistant,
+    /// Nothing.
+    None,
+}
+
 const EXPECTED_VIEWS: &str = "all, or numbers counted from 0 with commas between, as in 1,3,5";
 
 /// Which of a scene's views are taken: a list of numbers, which may be empty, or `"all"`.
@@ -120,21 +136,29 @@ messages::settings! {
         /// When the first scan was taken, in nanoseconds since 1970; by default now. Two runs with the same start are
         /// equal to the byte.
         pub start: Option<u64> = None;
-        /// Distance between neighbouring chosen views, on a rail between positions a step apart, in metres; overrides what
-        /// the source knows.
+        /// Distance from each chosen view to the next, not from the first to the last, in metres; on a rail between positions
+        /// a step apart. Overrides what the source knows.
         pub baseline: Option<f64> = None, in 0.000001..=10000.0;
         /// Focal length, in pixels; overrides what the source knows.
         pub focal: Option<f64> = None, in 1.0..=1000000.0;
-        /// Column of the principal point, in pixels; overrides what the source knows.
+        /// Column of the principal point, in pixels; overrides what the source knows. The middle of the picture, where
+        /// nobody says it.
         pub cx: Option<f64> = None, in -100000.0..=100000.0;
-        /// Row of the principal point, in pixels; overrides what the source knows.
+        /// Row of the principal point, in pixels; overrides what the source knows. The middle of the picture, where nobody
+        /// says it.
         pub cy: Option<f64> = None, in -100000.0..=100000.0;
-        /// Path of a ROS `camera_info` YAML of the rectified images; that of the camera next to the first, the central
-        /// one, also holds the baseline. The right one's would be of two steps.
+        /// Path of a ROS `camera_info` of the rectified images, as `camera_calibration` writes it or as it is echoed; that of
+        /// the camera next to the first, the central one, also holds the baseline. The right one's would be of two steps.
+        /// Or those of all views, left to right, separated by commas.
         pub camera_info: Option<String> = None;
-        /// Path of the calibration of the cameras that took the images: a Kalibr camchain, an OpenCV FileStorage YAML, or ROS
-        /// `camera_info` YAMLs, one a chosen view from left to right, separated by commas. Views are then rectified.
+        /// Path of the calibration of the cameras that took the images: a Kalibr camchain, an OpenCV FileStorage (YAML, XML,
+        /// JSON), a file with a map a camera, or ROS `camera_info`, one a chosen view from left to right, separated by
+        /// commas. Views are then rectified.
         pub calibration: Option<String> = None;
+        /// The model that the lenses' coefficients in `calibration` are of: plumb_bob, rational_polynomial, equidistant (or
+        /// fisheye) or none; where the file does not say it and their number leaves it open, it must be said. Counts before
+        /// what the file says.
+        pub lens: Option<LensModel> = None;
         /// Whether views are rectified where `calibration` is set; false shows them as they were taken.
         pub rectify: bool = true;
         /// Whether images are published as they were taken too, beside the rectified ones, as `camera/…/image_raw`.

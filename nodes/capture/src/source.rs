@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use messages::settings::{self, Settings as _};
 use messages::{Calibration, ImageRoom, RawRoom, Size, Sway};
 
+use crate::calibration::plausible::{self, Doubt, metres};
 use crate::camera_info::{self, Known};
 use crate::error::SourceError;
 use crate::folder::{self, Album, Choice, Found, Shot, Why};
@@ -14,7 +15,7 @@ use crate::image_file;
 use crate::layout::Layout;
 #[cfg(feature = "node")]
 use crate::live;
-use crate::rail::{Passed, Rail};
+use crate::rail::{self, Passed, Rail, Unit};
 use crate::rectify::{Rectifier, show};
 use crate::scene::{self, Object, Rendered};
 use crate::sensor::Sensor;
@@ -125,7 +126,8 @@ impl Source {
             .map(|position| position as f64)
             .collect();
         let step = choice.step(&settings.source, &positions)?;
-        let (calibration, warnings) = calibration(settings, scene::camera(step), &[scene::SIZE])?;
+        let views = choice.views.len();
+        let calibrated = calibration(settings, scene::camera(step), views, &[scene::SIZE])?;
         let scenes = objects
             .into_iter()
             .map(|object| Rendered::new(object, &choice.views))
@@ -138,10 +140,10 @@ impl Source {
             rail: None,
             folder: None,
             scans: settings.scans.unwrap_or(RENDERED_SCANS),
-            calibration,
+            calibration: calibrated.camera,
             rectifier: None,
-            notices: Vec::new(),
-            warnings,
+            notices: calibrated.notices,
+            warnings: calibrated.warnings,
         })
     }
 
@@ -198,14 +200,21 @@ impl Source {
             },
             None => settings.clone(),
         };
-        let (calibration, mut warnings) = calibration(&own, of_rectified, &[known.size])?;
-        let mut notices = known.notices.clone();
+        let views = known.views.len();
+        let calibrated = calibration(&own, of_rectified, views, &[known.size])?;
+        let (mut notices, mut warnings) = (known.notices.clone(), calibrated.warnings);
+        notices.extend(calibrated.notices);
+        if let Some(live) = known.rail {
+            let step_m = live.step_m * live.rail.stride as f64;
+            notices.push(rail::said_of_step(step_m));
+            warnings.extend(plausible::baseline(step_m, plausible::Said::Rail).map(Doubt::why));
+        }
         if let Some(rectifier) = &rectifier {
             rectifier.remark(&mut notices, &mut warnings);
         }
         Ok(Self {
             scans: settings.scans.unwrap_or(u64::MAX),
-            calibration,
+            calibration: calibrated.camera,
             notices,
             warnings,
             kind: Kind::Cameras(known),
@@ -265,8 +274,10 @@ impl Source {
         let sizes: Vec<Size> = albums.iter().map(|album| album.size).collect();
         let rectifier = Rectifier::open(settings, albums[0].shots.len(), &sizes)?;
         let own = rectifier.as_ref().map(Rectifier::known);
-        let (calibration, mut warnings) = calibration(settings, own.unwrap_or_default(), &sizes)?;
-        let mut notices = notices(&albums);
+        let views = albums[0].shots.len();
+        let calibrated = calibration(settings, own.unwrap_or_default(), views, &sizes)?;
+        let (mut notices, mut warnings) = (notices(&albums), calibrated.warnings);
+        notices.extend(calibrated.notices);
         notices.extend(found);
         warnings.extend(doubted);
         if let Some(rectifier) = &rectifier {
@@ -279,7 +290,7 @@ impl Source {
         Ok(Self {
             rail: None,
             scans: settings.scans.unwrap_or(albums.len() as u64),
-            calibration,
+            calibration: calibrated.camera,
             rectifier: rectifier.filter(|_| settings.rectify),
             notices,
             warnings,
@@ -644,18 +655,33 @@ fn known_scenes() -> impl Iterator<Item = &'static str> {
     Object::ALL.into_iter().map(Object::name).chain(["all"])
 }
 
-/// The calibration for these sizes, and what is missing: single settings count before the file, the file before what
-/// the source knows.
+/// The calibration, and what is to be said of it.
+#[derive(Debug, Default)]
+struct Calibrated {
+    camera: Option<Calibration>,
+    /// Whether how far apart views are taken is known.
+    has_baseline: bool,
+    notices: Vec<String>,
+    warnings: Vec<String>,
+}
+
+/// The calibration of so many views of these sizes, and what is missing: single settings count before the file, the file
+/// before what the source knows. Of one view how far it moves is looked at elsewhere.
 fn calibration(
     settings: &Settings,
     own: Known,
+    views: usize,
     sizes: &[Size],
-) -> Result<(Option<Calibration>, Vec<String>), SourceError> {
+) -> Result<Calibrated, SourceError> {
     let filed = match &settings.camera_info {
-        Some(path) => camera_info::read(Path::new(path), sizes)?,
-        None => own,
+        Some(files) => camera_info::read(files, views, sizes, settings.baseline.is_some())?,
+        None => camera_info::Read {
+            known: own,
+            ..camera_info::Read::default()
+        },
     };
-    let known = Known::or(settings, filed);
+    let (mut notices, mut warnings) = (filed.notices, Vec::new());
+    let known = Known::or(settings, filed.known);
     let size = sizes
         .iter()
         .fold(Size::default(), |most, &size| most.union(size));
@@ -663,7 +689,7 @@ fn calibration(
         .calibration(size)
         .unwrap_or(Calibration::assumed(size));
     let (focal, baseline) = (taken.focal_px, taken.baseline_m);
-    let warning = match (known.focal_px, known.baseline_m) {
+    let unknown = match (known.focal_px, known.baseline_m) {
         (Some(_), Some(_)) => None,
         (None, Some(_)) => Some(format!(
             "the focal length is unknown, {focal} px are assumed; set focal"
@@ -675,14 +701,78 @@ fn calibration(
             "no calibration, {focal} px and {baseline} m are assumed; set focal and baseline, camera_info or calibration"
         )),
     };
-    let unknown = warning.map(|why| format!("depths are in arbitrary units: {why}"));
+    let unknown = unknown.map(|why| format!("depths are in arbitrary units: {why}"));
+    warnings.extend(unknown);
     // ROS keeps the raw camera's distortion beside the rectified images' projection.
-    let distorted = known.is_distorted.then(|| {
-        "the camera_info is of a lens that distorts: the images must be rectified, as image_rect topics are"
-            .to_owned()
-    });
-    let warnings = unknown.into_iter().chain(distorted).collect();
-    Ok((known.calibration(size), warnings))
+    if known.is_distorted {
+        warnings.push(
+            "the camera_info is of a lens that distorts: the images must be rectified, as image_rect topics are"
+                .to_owned(),
+        );
+    }
+    warnings.extend(filed.warnings);
+    if let Some(focal_px) = settings.focal {
+        match plausible::focal(focal_px, size, "capture.focal") {
+            Some(Doubt::Refused(why)) => return Err(SourceError::Implausible(why)),
+            Some(Doubt::Told(why)) => warnings.push(why),
+            None => {}
+        }
+    }
+    if settings.cx.or(settings.cy).is_some() {
+        let what = "the principal point (capture.cx, capture.cy)";
+        warnings.extend(plausible::centre([taken.cx, taken.cy], size, what).map(Doubt::why));
+    }
+    if known.focal_px.is_some() && known.cx.and(known.cy).is_none() {
+        notices.push(format!(
+            "the principal point is not said: the middle of the picture is taken, {}, {}; set capture.cx and capture.cy",
+            taken.cx, taken.cy
+        ));
+    }
+    let is_filed = settings.camera_info.is_some() || settings.calibration.is_some();
+    let is_said = settings.baseline.is_some() || (is_filed && filed.known.baseline_m.is_some());
+    if views > 1 && is_said {
+        let of_file = filed.known.baseline_m.filter(|_| is_filed);
+        notices.push(said_of_baseline(baseline, views));
+        warnings.extend(
+            settings
+                .baseline
+                .and_then(|set_m| doubt_of(set_m, of_file, views)),
+        );
+        warnings.extend(settings.baseline.and_then(|set_m| {
+            plausible::baseline(set_m, plausible::Said::Setting).map(Doubt::why)
+        }));
+    }
+    Ok(Calibrated {
+        camera: known.calibration(size),
+        has_baseline: known.baseline_m.is_some(),
+        notices,
+        warnings,
+    })
+}
+
+/// How far apart the views of a rig are taken: from one to the next, and from the first to the last, which people give
+/// instead.
+fn said_of_baseline(baseline_m: f64, views: usize) -> String {
+    format!(
+        "baseline {} from view to view, {} from the first to the last of {views}",
+        metres(baseline_m),
+        metres(baseline_m * (views - 1) as f64)
+    )
+}
+
+/// What is to be said where a baseline is set and files have another.
+fn doubt_of(set_m: f64, filed_m: Option<f64>, views: usize) -> Option<String> {
+    let is_near = |a: f64, b: f64| (a / b - 1.0).abs() < 0.02;
+    let filed_m = filed_m.filter(|&filed_m| !is_near(set_m, filed_m))?;
+    let hint = match is_near(set_m, filed_m * (views - 1) as f64) {
+        true => ": what is set is that from the first to the last; leave it away",
+        false => "",
+    };
+    Some(format!(
+        "capture.baseline, {} from view to view, counts before the {} of the files{hint}",
+        metres(set_m),
+        metres(filed_m)
+    ))
 }
 
 /// The calibration for a baseline of one unit of position along a rail, and what is missing.
@@ -691,7 +781,7 @@ fn unit_camera(
     in_metres: bool,
     own: Known,
     size: Size,
-) -> Result<(Calibration, Vec<String>), SourceError> {
+) -> Result<Unit, SourceError> {
     let unused = settings.baseline.filter(|_| in_metres);
     let settings = Settings {
         baseline: if in_metres {
@@ -701,13 +791,18 @@ fn unit_camera(
         },
         ..settings.clone()
     };
-    let (camera, mut warnings) = calibration(&settings, own, &[size])?;
+    let mut calibrated = calibration(&settings, own, 1, &[size])?;
     if let Some(unused) = unused {
-        warnings.push(format!(
+        calibrated.warnings.push(format!(
             "positions are in metres, so baseline, set to {unused} m, says nothing; leave it away"
         ));
     }
-    Ok((camera.unwrap_or(Calibration::assumed(size)), warnings))
+    Ok(Unit {
+        camera: calibrated.camera.unwrap_or(Calibration::assumed(size)),
+        is_known: calibrated.has_baseline,
+        notices: calibrated.notices,
+        warnings: calibrated.warnings,
+    })
 }
 
 /// What is to be said once about folders of images.

@@ -95,6 +95,203 @@ fn a_right_cameras_file_gives_focal_length_centre_and_baseline() {
     };
     assert_eq!(source.calibration(), Some(expected));
     assert!(source.warnings().is_empty());
+    assert_eq!(
+        source.notices(),
+        [
+            "of camera_info are taken: focal length 400 px, principal point 30.5, 22.25",
+            "baseline 0.12 m from view to view, 0.24 m from the first to the last of 3"
+        ]
+    );
+}
+
+#[test]
+fn a_projection_in_millimetres_or_without_its_focal_length_is_refused_until_the_baseline_is_said() {
+    let bench = Bench::new();
+    let of = |shift: &str| RIGHT.replace("-48.", shift);
+    let millimetres = bench.refusal(&of("-48000."));
+    assert!(
+        millimetres.starts_with("it puts neighbouring cameras 120 m apart")
+            && millimetres.contains("if these are millimetres, that is 0.12 m, divide"),
+        "{millimetres}"
+    );
+    let bare = bench.refusal(&of("-0.12"));
+    assert!(
+        bare.starts_with(
+            "P[3] is -0.12 and f 400 px, which puts neighbouring cameras 0.3 mm apart"
+        ) && bare.contains("write -48 there"),
+        "{bare}"
+    );
+    for shift in ["-48000.", "-0.12"] {
+        let settings = Settings {
+            baseline: Some(0.12),
+            ..bench.with_yaml(&of(shift))
+        };
+        let source = Source::open(&settings).unwrap();
+        assert_eq!(source.calibration().unwrap().baseline_m, 0.12);
+        // That the file says otherwise is not left unsaid.
+        let said = source.warnings().join("; ");
+        assert!(said.contains("counts before the"), "{said}");
+    }
+    // Less far off it is asked.
+    let source = Source::open(&bench.with_yaml(&of("-2400."))).unwrap();
+    let said = source.warnings().join("; ");
+    assert!(said.contains("6 m apart"), "{said}");
+    // A camera on the other side, or a driver with another sign.
+    let source = Source::open(&bench.with_yaml(&of("48."))).unwrap();
+    assert_eq!(source.calibration().unwrap().baseline_m, 0.12);
+    assert!(source.notices()[0].contains("P[3] of camera_info is positive (48)"));
+}
+
+#[test]
+fn settings_that_are_no_lengths_in_metres_and_no_pixels_are_questioned() {
+    let bench = Bench::new();
+    let said = |baseline: f64, focal: f64| {
+        let settings = Settings {
+            baseline: Some(baseline),
+            focal: Some(focal),
+            ..bench.settings()
+        };
+        Source::open(&settings)
+            .map(|source| (source.notices().to_vec(), source.warnings().join("; ")))
+            .map_err(|error| (error.is_wrong_use(), error.to_string()))
+    };
+    let (notices, warnings) = said(0.05, 64.0).unwrap();
+    assert_eq!(
+        notices,
+        [
+            "the principal point is not said: the middle of the picture is taken, 31.5, 23.5; set capture.cx and capture.cy",
+            "baseline 0.05 m from view to view, 0.1 m from the first to the last of 3"
+        ]
+    );
+    assert_eq!(warnings, "");
+    let (_, warnings) = said(60.0, 64.0).unwrap();
+    assert!(warnings.contains("millimetres set 0.06"), "{warnings}");
+    let (_, warnings) = said(0.00009, 64.0).unwrap();
+    assert!(warnings.contains("baseline is 0.09 mm"), "{warnings}");
+    let (is_wrong_use, why) = said(0.05, 3.6).unwrap_err();
+    assert!(
+        is_wrong_use && why.contains("is it in millimetres?"),
+        "{why}"
+    );
+    let settings = Settings {
+        cx: Some(64.0),
+        cy: Some(48.0),
+        focal: Some(64.0),
+        baseline: Some(0.1),
+        ..bench.settings()
+    };
+    let source = Source::open(&settings).unwrap();
+    let said = source.warnings().join("; ");
+    assert!(said.contains("far from 31.5, 23.5"), "{said}");
+}
+
+#[test]
+fn the_distance_of_the_outer_views_is_recognised_beside_that_of_a_file() {
+    let bench = Bench::new();
+    let settings = Settings {
+        baseline: Some(0.24),
+        ..bench.with_yaml(RIGHT)
+    };
+    let source = Source::open(&settings).unwrap();
+    assert_eq!(
+        source.warnings(),
+        [
+            "capture.baseline, 0.24 m from view to view, counts before the 0.12 m of the files: what is set is that from the first to the last; leave it away"
+        ]
+    );
+}
+
+/// What `ros2 topic echo` prints of the camera_info of a camera that stands so far to the right of the first.
+fn echoed(x: f64, view: usize) -> String {
+    format!(
+        "header:\n  stamp:\n    sec: {view}\n    nanosec: 0\n  frame_id: cam{view}\nheight: 48\nwidth: 64\ndistortion_model: plumb_bob\nd: []\nk:\n- 400.0\n- 0.0\n- 30.5\n- 0.0\n- 400.0\n- 22.25\n- 0.0\n- 0.0\n- 1.0\nr: [1, 0, 0, 0, 1, 0, 0, 0, 1]\np: [400.0, 0.0, 30.5, {}, 0.0, 400.0, 22.25, 0.0, 0.0, 0.0, 1.0, 0.0]\nbinning_x: 0\nbinning_y: 0\nroi:\n  x_offset: 0\n  y_offset: 0\n  height: 0\n  width: 0\n  do_rectify: false\n---\n",
+        -400.0 * x
+    )
+}
+
+#[test]
+fn messages_of_all_views_give_the_step_between_neighbours() {
+    let bench = Bench::new();
+    let of = |places: [f64; 3]| {
+        let all: String = (0..3).map(|view| echoed(places[view], view)).collect();
+        // Echoed twice, with other stamps, and cut off.
+        let again = all.replace("nanosec: 0", "nanosec: 7");
+        format!("{all}{again}header:\n  stamp:\n    se")
+    };
+    let source = Source::open(&bench.with_yaml(&of([0.0, 0.05, 0.1]))).unwrap();
+    let camera = source.calibration().unwrap();
+    assert!(camera.calibrated && (camera.baseline_m - 0.05).abs() < 1e-12);
+    assert!(source.notices()[1].starts_with("baseline 0.05 m from view to view, 0.1 m from"));
+    // As of a simulator that gives all cameras one.
+    let why = bench.refusal(&of([0.05, 0.05, 0.05]));
+    assert!(why.contains("from left to right it must fall"), "{why}");
+    let why = bench.refusal(&of([0.0, 0.05, 0.15]));
+    assert!(why.contains("unequal steps"), "{why}");
+    let why = bench.refusal(&(echoed(0.0, 0) + &echoed(0.05, 1)));
+    assert!(
+        why.contains("describes 2 cameras, and there are 3 views"),
+        "{why}"
+    );
+}
+
+#[test]
+fn a_message_is_read_in_every_spelling_and_what_was_left_out_of_it_is_named() {
+    let bench = Bench::new();
+    let one = echoed(0.05, 1);
+    let capital = ["d", "k", "r", "p"].iter().fold(one.clone(), |text, key| {
+        text.replace(&format!("\n{key}:"), &format!("\n{}:", key.to_uppercase()))
+    });
+    for text in [
+        one.clone(),
+        capital,
+        format!("\u{feff}{}", one.replace('\n', "\r\n")),
+        one.replace("---\n", "...\n"),
+    ] {
+        let source = Source::open(&bench.with_yaml(&text)).unwrap();
+        let camera = source.calibration().unwrap();
+        assert_eq!(
+            (camera.focal_px, camera.cx, camera.baseline_m),
+            (400.0, 30.5, 0.05)
+        );
+    }
+    let cut = "p: [400.0, 0.0, 30.5, -20, 0.0, 400.0,";
+    for (text, cure) in [
+        (one.replace(cut, "p: [400.0, 0.0, '...',"), "--full-length"),
+        (
+            one.replace("d: []", "d: '<sequence type: double, length: 5>'"),
+            "without --no-arr",
+        ),
+        (one.replace("30.5", ".nan"), "NaN, which is no number"),
+        (
+            one.replace("0.0, 400.0, 22.25, 0.0,", "0.0, 400.0, 22.25, -30.0,"),
+            "above each other",
+        ),
+    ] {
+        let why = bench.refusal(&text);
+        assert!(why.contains(cure), "{why}");
+    }
+    // A picture of every second pixel of the sensor's.
+    let binned = one
+        .replace("height: 48\nwidth: 64", "height: 96\nwidth: 128")
+        .replace("binning_x: 0\nbinning_y: 0", "binning_x: 2\nbinning_y: 2");
+    let source = Source::open(&bench.with_yaml(&binned)).unwrap();
+    let halved = source.calibration().unwrap();
+    assert_eq!((halved.focal_px, halved.baseline_m), (200.0, 0.05));
+    // A part of it: 8 columns and 4 rows from its corner.
+    let part = one
+        .replace("height: 48\nwidth: 64", "height: 96\nwidth: 128")
+        .replace(
+            "x_offset: 0\n  y_offset: 0\n  height: 0\n  width: 0",
+            "x_offset: 8\n  y_offset: 4\n  height: 48\n  width: 64",
+        );
+    let camera = Source::open(&bench.with_yaml(&part))
+        .unwrap()
+        .calibration()
+        .unwrap();
+    assert_eq!(
+        (camera.focal_px, camera.cx, camera.cy),
+        (400.0, 22.5, 18.25)
+    );
 }
 
 #[test]
@@ -202,7 +399,7 @@ fn a_calibration_for_another_resolution_is_refused() {
     let bench = Bench::new();
     assert_eq!(
         bench.refusal(&RIGHT.replace("image_width: 64", "image_width: 1280")),
-        "it is for images of 1280x48 pixels, and these are 64x48"
+        "camera narrow_stereo/right is for images of 1280x48 pixels, and these are 64x48"
     );
 }
 
@@ -223,7 +420,7 @@ fn missing_keys_and_wrong_counts_are_named() {
     }
     assert_eq!(
         bench.refusal(&RIGHT.replace("-48., ", "")),
-        "projection_matrix must hold 12 numbers, and holds 11"
+        "projection_matrix is of 3 rows and 4 columns and holds 11 numbers"
     );
 }
 
@@ -232,11 +429,11 @@ fn impossible_focal_lengths_are_refused() {
     let bench = Bench::new();
     assert_eq!(
         bench.refusal(&RIGHT.replace("[400., 0., 30.5", "[0., 0., 30.5")),
-        "its focal length must be positive, not 0"
+        "the focal length of camera narrow_stereo/right must be positive, not 0"
     );
     assert_eq!(
         bench.refusal(&RIGHT.replace("0., 400., 22.25", "0., 410., 22.25")),
-        "its focal lengths differ, 400 and 410, and pixels must be square"
+        "the focal lengths of camera narrow_stereo/right differ, 400 and 410, and pixels must be square"
     );
 }
 
@@ -245,7 +442,7 @@ fn a_file_that_is_no_yaml_or_not_there_is_refused() {
     let bench = Bench::new();
     let refusal = bench.refusal("image_width: [64\nimage_height: 48\n");
     assert!(
-        refusal.starts_with("it is no camera_info YAML ("),
+        refusal.starts_with("its line 2 (image_height: 48) is no YAML: is there a bracket"),
         "{refusal}"
     );
     assert!(!refusal.contains('\n'), "{refusal}");

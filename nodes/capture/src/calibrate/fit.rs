@@ -13,6 +13,7 @@ use super::{
     Beside, Calibrated, ENOUGH_SIGHTINGS, Found, LeftOut, MANY_MISFITS, Model, Observed, Sure,
 };
 use crate::alignment::quantile;
+use crate::calibration::plausible::{self, Doubt, Said};
 use crate::calibration::{Camera, Geometry, Mount, Mounted};
 
 /// Sightings of a camera that can tell anything.
@@ -457,6 +458,7 @@ impl<'a> Fit<'a> {
             .map(|(camera, name)| Mounted {
                 name: name.clone(),
                 camera: solve::camera(self.model, sizes[camera], &estimate.intrinsics[camera]),
+                lens: self.model.name().to_owned(),
                 mount: Mount::from_first(
                     DMat3::from_quat(estimate.mounts[camera].turn),
                     estimate.mounts[camera].shift,
@@ -466,6 +468,9 @@ impl<'a> Fit<'a> {
         match Geometry::of(&mounted, sizes[0]) {
             Ok(geometry) => {
                 geometry.remark(notices, warnings);
+                let step_m = geometry.calibration.baseline_m;
+                let doubt = plausible::baseline(step_m, Said::File).map(Doubt::why);
+                warnings.extend(doubt.map(|why| format!("{why}; --square is in metres")));
                 Some(geometry)
             }
             Err(why) => {

@@ -4,14 +4,13 @@
 use glam::{DMat3, DVec2, DVec3};
 use messages::{Calibration, Size};
 
+use super::plausible::{self, Doubt, Said};
 use super::{Mount, Mounted, Why};
 
 /// Steps that differ by more of their mean are refused: the third view would confirm nothing.
-const MOST_UNEQUAL: f64 = 0.1;
+pub(crate) const MOST_UNEQUAL: f64 = 0.1;
 /// Steps that differ by more of their mean are told.
 const TOLD_UNEQUAL: f64 = 0.002;
-/// Steps that are longer are told, in metres.
-const LONGEST_STEP_M: f64 = 10.0;
 /// Views that show less than this part of what the middle of a picture shows are refused.
 const LEAST_PART: f64 = 0.25;
 
@@ -28,6 +27,8 @@ pub(crate) struct Geometry {
     pub(crate) off_line_m: f64,
     /// Focal length of the cameras, their mean, in pixels.
     own_focal_px: f64,
+    /// Whether a calibration tool has made it.
+    is_given: bool,
 }
 
 impl Geometry {
@@ -54,7 +55,8 @@ impl Geometry {
         };
         if steps.iter().any(|&step| step <= 0.0) {
             return Err(format!(
-                "its cameras stand at {} mm along their line, and views go from left to right",
+                "its cameras ({}) stand at {} mm along their line, and views go from left to right: list them in that order; or are poses the other way round? R and T map points of the first camera's frame to each camera's own",
+                names(mounted),
                 shown()
             ));
         }
@@ -80,6 +82,7 @@ impl Geometry {
             places_m: vec![0.0],
             off_line_m: 0.0,
             own_focal_px,
+            is_given: false,
         })
     }
 
@@ -121,6 +124,7 @@ impl Geometry {
             places_m,
             off_line_m: 0.0,
             own_focal_px,
+            is_given: true,
         })
     }
 
@@ -162,6 +166,7 @@ impl Geometry {
             places_m,
             off_line_m,
             own_focal_px,
+            is_given: false,
         })
     }
 
@@ -181,6 +186,20 @@ impl Geometry {
             .into_iter()
             .map(|step| (step / mean - 1.0).abs());
         off.fold(0.0, f64::max)
+    }
+
+    /// What speaks against how far apart the cameras stand.
+    pub(crate) fn doubt(&self) -> Option<Doubt> {
+        let step_m = self.calibration.baseline_m;
+        let said = match self.is_given {
+            true => Said::Projection {
+                shift: -step_m * self.calibration.focal_px,
+                focal_px: self.calibration.focal_px,
+            },
+            false => Said::File,
+        };
+        // One camera stands at one place.
+        (self.turns.len() > 1).then(|| plausible::baseline(step_m, said))?
     }
 
     /// Adds what the user should be told of it, and what makes results less than they could be.
@@ -204,11 +223,6 @@ impl Geometry {
             self.unequal() * 1e2,
             self.off_line_m * 1e3
         ));
-        if baseline_m > LONGEST_STEP_M {
-            warnings.push(format!(
-                "the cameras stand {baseline_m:.0} m apart: lengths in calibration files are metres; are these millimetres?"
-            ));
-        }
         if self.unequal() > TOLD_UNEQUAL {
             warnings.push(format!(
                 "the steps between the cameras differ from their mean by up to {:.1} %, and equal ones are matched: a disparity of 50 px misses by {:.1} px in the third view; `tricurve check-geometry` says whether that will do",
@@ -223,6 +237,11 @@ impl Geometry {
             ));
         }
     }
+}
+
+fn names(mounted: &[Mounted]) -> String {
+    let names: Vec<&str> = mounted.iter().map(|one| one.name.as_str()).collect();
+    names.join(", ")
 }
 
 fn calibration(focal_px: f64, cx: f64, cy: f64, places_m: &[f64]) -> Calibration {

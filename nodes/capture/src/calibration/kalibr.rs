@@ -4,11 +4,21 @@ use std::fmt::Write as _;
 
 use glam::{DMat3, DVec3};
 use messages::{Calibration, Size, Sway};
-use serde_json::Value;
 
-use super::{Camera, Lens, Mount, Mounted, Why, numbers, numbers_of, rotation, size};
+use super::node::Node;
+use super::{Camera, Mount, Mounted, Why, entry, pose, rotation};
+use crate::settings::LensModel;
 
-pub(super) fn cameras(chain: &Value) -> Result<Vec<Mounted>, Why> {
+/// Whether it is such a file.
+pub(super) fn is(file: &Node) -> bool {
+    file.get("cam0").is_some_and(|cam| cam.has("intrinsics"))
+}
+
+pub(super) fn cameras(chain: &Node, lens: Option<LensModel>) -> Result<Vec<Mounted>, Why> {
+    // Without the steps from camera to camera, where all stand in the frame of an inertial unit or a body says the same.
+    let mut each = (0..).map_while(|index| chain.get(&format!("cam{index}")));
+    let is_posed = |cam: &Node| !cam.has("T_cn_cnm1") && matches!(pose::of(cam, ""), Ok(Some(_)));
+    let has_steps = !each.all(is_posed);
     let mut mounted = Vec::new();
     // From the first camera's frame to the one at hand.
     let (mut turn, mut shift) = (DMat3::IDENTITY, DVec3::ZERO);
@@ -17,9 +27,14 @@ pub(super) fn cameras(chain: &Value) -> Result<Vec<Mounted>, Why> {
         let Some(entry) = chain.get(&name) else {
             break;
         };
-        if index > 0 {
+        let posed = match has_steps {
+            true => None,
+            false => pose::of(entry, &name)?,
+        };
+        if index > 0 && posed.is_none() {
             let key = "T_cn_cnm1";
-            let step = numbers_of::<16>(entry, key)
+            let step = entry
+                .numbers_of::<16>(key)
                 .map_err(|why| format!("{why} ({name})"))?
                 .ok_or_else(|| {
                     format!("{key} of {name} is missing: where it stands is not known")
@@ -31,9 +46,11 @@ pub(super) fn cameras(chain: &Value) -> Result<Vec<Mounted>, Why> {
             turn = step_turn * turn;
             shift = step_turn * shift + DVec3::new(step[3], step[7], step[11]);
         }
+        let (camera, lens) = camera(entry, &name, lens)?;
         mounted.push(Mounted {
-            camera: camera(entry, &name)?,
-            mount: Mount::from_first(turn, shift),
+            camera,
+            lens,
+            mount: posed.unwrap_or(Mount::from_first(turn, shift)),
             name,
         });
     }
@@ -87,35 +104,22 @@ pub fn of_residual(
     text
 }
 
-fn camera(entry: &Value, name: &str) -> Result<Camera, Why> {
-    match entry.get("camera_model").and_then(Value::as_str) {
-        Some("pinhole") | None => {}
-        Some(other) => {
-            return Err(format!(
-                "the camera_model of {name} is {other:?}, and only pinhole can be rectified"
-            ));
+/// A camera: its model and the lens's are said apart.
+fn camera(cam: &Node, name: &str, lens: Option<LensModel>) -> Result<(Camera, String), Why> {
+    let key = "distortion_coeffs";
+    let (camera, said) = match cam {
+        // Of a lens that does nothing nothing need be said.
+        Node::Map(entries) if !cam.has(key) => {
+            let mut entries = entries.clone();
+            entries.push((key.to_owned(), Node::Nothing));
+            entry::camera(&Node::Map(entries), name, lens)?
         }
-    }
-    let key = "intrinsics";
-    let [fx, fy, cx, cy] = numbers_of::<4>(entry, key)
-        .map_err(|why| format!("{why} ({name})"))?
-        .ok_or_else(|| format!("{key} of {name} are missing"))?;
-    if fx <= 0.0 || fy <= 0.0 {
+        cam => entry::camera(cam, name, lens)?,
+    };
+    if camera.size.is_none() {
         return Err(format!(
-            "the focal lengths of {name} must be positive, not {fx} and {fy}"
+            "resolution of {name} must be its width and height in pixels"
         ));
     }
-    let key = "distortion_coeffs";
-    let coefficients = entry.get(key).and_then(numbers).unwrap_or_default();
-    let model = entry.get("distortion_model").and_then(Value::as_str);
-    let lens = Lens::of_model(model.unwrap_or("none"), &coefficients)
-        .map_err(|why| format!("{name} {why}"))?;
-    let resolution = entry.get("resolution").and_then(Value::as_array);
-    let resolution = match resolution.map(Vec::as_slice) {
-        Some([width, height]) => size(width, height),
-        _ => None,
-    };
-    let resolution = resolution
-        .ok_or_else(|| format!("resolution of {name} must be its width and height in pixels"))?;
-    Ok(Camera::new(Some(resolution), [fx, fy], [cx, cy], lens))
+    Ok((camera, said))
 }

@@ -1,28 +1,36 @@
 //! Cameras as calibration tools write them down, and the common parallel geometry they are rectified to.
 //!
 //! ```text
-//! ROS camera_info, one a view ─┐
-//! Kalibr camchain ─────────────┼─► cameras: lens, sensor, where they stand ─► Geometry: one parallel camera a view
-//! OpenCV FileStorage ──────────┘
+//! YAML, JSON, XML, plain text ─► Node ─┬─ ROS camera_info, one a view ─┐
+//!                                      ├─ Kalibr camchain ─────────────┤
+//!                                      ├─ OpenCV, numbered ────────────┼─► cameras: lens, sensor, where they stand ─► Geometry:
+//!                                      └─ a map a camera ──────────────┘   one parallel camera a view
 //! ```
 
+mod entry;
 mod geometry;
 mod kalibr;
 mod lens;
+mod maps;
+mod node;
 mod opencv;
-mod ros;
+pub(crate) mod plausible;
+mod pose;
+pub(crate) mod ros;
+pub(crate) mod text;
 
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 use messages::Size;
-use serde_json::Value;
 
 use crate::error::SourceError;
+use crate::settings::LensModel;
 
-pub(crate) use geometry::Geometry;
+pub(crate) use geometry::{Geometry, MOST_UNEQUAL};
 pub use kalibr::of_residual;
 pub use lens::{Camera, Lens};
+use node::Node;
 
 /// A camera and how its rectified twin looks.
 #[derive(Clone, Debug)]
@@ -30,6 +38,8 @@ pub(crate) struct Mounted {
     /// What the file calls it.
     pub(crate) name: String,
     pub(crate) camera: Camera,
+    /// The model that its lens was taken for, and who says it.
+    pub(crate) lens: String,
     pub(crate) mount: Mount,
 }
 
@@ -68,36 +78,92 @@ impl Mount {
 }
 
 /// What is wrong with a calibration, as the second half of a sentence.
-type Why = String;
+pub(crate) type Why = String;
 
-/// Reads the cameras of `views` views from calibration files: of ROS and of OpenCV several, separated by commas.
+/// Reads the cameras of `views` views from calibration files, separated by commas.
 ///
 /// # Errors
-/// Files that cannot be read or make no sense, a wrong number of cameras, another resolution than the images'.
-pub(crate) fn read(files: &str, views: usize, sizes: &[Size]) -> Result<Vec<Mounted>, SourceError> {
-    let paths = files.split(',').map(str::trim).filter(|f| !f.is_empty());
-    let paths: Vec<PathBuf> = paths.map(PathBuf::from).collect();
+/// Files that cannot be read or make no sense, a wrong number of cameras, another resolution than the images', numbers
+/// that no camera has.
+pub(crate) fn read(
+    files: &str,
+    views: usize,
+    sizes: &[Size],
+    lens: Option<LensModel>,
+) -> Result<Vec<Mounted>, SourceError> {
     let whole = PathBuf::from(files);
-    let mut documents = Vec::new();
+    let paths: Vec<PathBuf> = paths(files).collect();
+    let mut read = Vec::new();
     for path in &paths {
-        let text = std::fs::read_to_string(path).map_err(SourceError::io(path))?;
-        documents.push(Document::parse(&text).map_err(wrong(path))?);
+        let text = text::read(path)?;
+        let documents = text::documents(&text).map_err(wrong(path))?;
+        let kind = documents.first().and_then(Kind::of);
+        let kind = kind.ok_or_else(|| wrong(path)(nothing_known(&documents)))?;
+        read.push((kind, documents));
     }
-    let is_all = |kind: Kind| documents.iter().all(|document| document.kind == kind);
-    let values: Vec<&Value> = documents.iter().map(|document| &document.value).collect();
-    let mounted = match &*values {
-        [] => Err("it names no file".to_owned()),
-        [chain] if is_all(Kind::Kalibr) => kalibr::cameras(chain),
-        [_, ..] if is_all(Kind::OpenCv) => opencv::cameras(&values),
-        [_, ..] if is_all(Kind::Ros) => ros::cameras(&values),
-        [_, ..] if is_all(Kind::Kalibr) => {
-            Err("a Kalibr camchain holds all cameras; give one file".to_owned())
-        }
-        _ => Err("files of different tools cannot be mixed".to_owned()),
-    };
-    let mounted = mounted.map_err(wrong(&whole))?;
+    let mounted = cameras(&read, lens).map_err(wrong(&whole))?;
     check(&mounted, views, sizes).map_err(wrong(&whole))?;
     Ok(mounted)
+}
+
+/// The cameras of messages, which must be one a view and of the images as they were taken.
+///
+/// # Errors
+/// As [`read`].
+pub(crate) fn of_infos(
+    infos: &[ros::CameraInfo],
+    views: usize,
+    sizes: &[Size],
+    lens: Option<LensModel>,
+) -> Result<Vec<Mounted>, Why> {
+    let mounted = ros::cameras(infos, lens)?;
+    check(&mounted, views, sizes)?;
+    Ok(mounted)
+}
+
+/// The files of a list with commas.
+pub(crate) fn paths(files: &str) -> impl Iterator<Item = PathBuf> {
+    let names = files.split(',').map(str::trim).filter(|f| !f.is_empty());
+    names.map(PathBuf::from)
+}
+
+fn cameras(read: &[(Kind, Vec<Node>)], lens: Option<LensModel>) -> Result<Vec<Mounted>, Why> {
+    let Some((kind, _)) = read.first() else {
+        return Err("it names no file".to_owned());
+    };
+    if read.iter().any(|(other, _)| other != kind) {
+        return Err("files of different tools cannot be mixed".to_owned());
+    }
+    let all = read.iter().flat_map(|(_, documents)| documents);
+    let all: Vec<&Node> = all.collect();
+    match kind {
+        Kind::Ros => {
+            let mut infos = Vec::new();
+            for (_, documents) in read {
+                infos.extend(ros::infos(documents)?);
+            }
+            ros::cameras(&infos, lens)
+        }
+        Kind::Kalibr => match *all {
+            [chain] => kalibr::cameras(chain, lens),
+            _ => Err("a Kalibr camchain holds all cameras; give one file".to_owned()),
+        },
+        Kind::Numbered => opencv::cameras(&all, lens),
+        Kind::Maps => {
+            let entries = all.iter().filter_map(|file| maps::within(file)).flatten();
+            let mounted = maps::cameras(&entries.collect::<Vec<_>>(), lens)?;
+            Ok(maps::in_row(mounted))
+        }
+        Kind::Alone => {
+            let name = |at: usize, file: &Node| {
+                let own = file.get("camera_name").and_then(Node::text);
+                own.map_or_else(|| format!("camera {}", at + 1), str::to_owned)
+            };
+            let entries = all.iter().enumerate();
+            let entries = entries.map(|(at, file)| (name(at, file), (*file).clone()));
+            maps::cameras(&entries.collect::<Vec<_>>(), lens)
+        }
+    }
 }
 
 fn wrong(path: &Path) -> impl FnOnce(Why) -> SourceError {
@@ -133,6 +199,7 @@ fn check(mounted: &[Mounted], views: usize, sizes: &[Size]) -> Result<(), Why> {
     }
     for Mounted { name, camera, .. } in mounted {
         for &size in sizes {
+            plausible::camera(name, camera, size)?;
             match camera.size {
                 Some(calibrated) if calibrated != size => {
                     return Err(format!(
@@ -154,80 +221,45 @@ fn check(mounted: &[Mounted], views: usize, sizes: &[Size]) -> Result<(), Why> {
     Ok(())
 }
 
-/// Which tool wrote a file.
+/// How a file describes cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Ros,
     Kalibr,
-    OpenCv,
+    /// OpenCV's names, with numbers.
+    Numbered,
+    /// A map a camera.
+    Maps,
+    /// One camera, not rectified.
+    Alone,
 }
 
-/// A calibration file, parsed.
-#[derive(Debug)]
-struct Document {
-    kind: Kind,
-    value: Value,
-}
-
-impl Document {
-    fn parse(text: &str) -> Result<Self, Why> {
-        // OpenCV opens its files with a directive that is no YAML, and tags its matrices.
-        let is_opencv = text.starts_with("%YAML:") || text.contains("!!opencv-matrix");
-        let body = match text.split_once('\n') {
-            Some((first, rest)) if first.starts_with("%YAML") => rest,
-            _ => text,
-        };
-        let body = body.replace("!!opencv-matrix", "");
-        let value: Value = serde_saphyr::from_str(&body).map_err(|error| {
-            // The parser draws the place under its first line; one line will do.
-            let why = error.to_string();
-            format!("it is no YAML ({})", why.lines().next().unwrap_or_default())
-        })?;
-        let has = |key: &str| value.get(key).is_some();
-        let kind = if is_opencv {
-            Kind::OpenCv
-        } else if has("cam0") {
-            Kind::Kalibr
-        } else if has("projection_matrix") || has("camera_matrix") {
-            Kind::Ros
-        } else {
-            return Err(
-                "it is neither a ROS camera_info nor a Kalibr camchain nor an OpenCV FileStorage file"
-                    .to_owned(),
-            );
-        };
-        Ok(Self { kind, value })
-    }
-}
-
-/// The numbers of a list, of a matrix with `data`, or of a list of rows.
-fn numbers(value: &Value) -> Option<Vec<f64>> {
-    let list = value.get("data").unwrap_or(value).as_array()?;
-    let mut numbers = Vec::with_capacity(list.len());
-    for element in list {
-        match element {
-            Value::Array(row) => {
-                for number in row {
-                    numbers.push(number.as_f64()?);
-                }
-            }
-            number => numbers.push(number.as_f64()?),
+impl Kind {
+    fn of(file: &Node) -> Option<Self> {
+        // The first that fits: a message is a map with a matrix too.
+        match file {
+            _ if kalibr::is(file) => Some(Self::Kalibr),
+            _ if ros::is(file) => Some(Self::Ros),
+            _ if opencv::first(file).is_some() => Some(Self::Numbered),
+            _ if entry::is_camera(file) => Some(Self::Alone),
+            _ if maps::within(file).is_some() => Some(Self::Maps),
+            _ if opencv::is_extrinsic(file) => Some(Self::Numbered),
+            _ => None,
         }
     }
-    numbers.iter().all(|n| n.is_finite()).then_some(numbers)
 }
 
-/// The numbers of a key, so many of them.
-fn numbers_of<const N: usize>(value: &Value, key: &str) -> Result<Option<[f64; N]>, Why> {
-    let Some(entry) = value.get(key) else {
-        return Ok(None);
-    };
-    let found = numbers(entry).ok_or_else(|| format!("{key} must hold {N} numbers"))?;
-    let count = found.len();
-    match found.try_into() {
-        Ok(numbers) => Ok(Some(numbers)),
-        Err(_) => Err(format!("{key} must hold {N} numbers, and holds {count}")),
+/// What is said of a file that describes no camera: what it holds, and what is read.
+fn nothing_known(documents: &[Node]) -> Why {
+    let keys = documents.iter().flat_map(Node::entries);
+    let mut keys: Vec<&str> = keys.map(|(key, _)| key.as_str()).take(9).collect();
+    if keys.len() > 8 {
+        keys[8] = "…";
     }
+    format!(
+        "it describes no camera that is known here: it holds {}; read are ROS camera_info (camera_matrix or k, distortion_coefficients or d, projection_matrix or p), Kalibr's camchain (cam0 with intrinsics, cam1, …), OpenCV's numbered matrices (K1 and D1, K2 and D2, R12 and T12, …), and a map or a file a camera (camera_matrix, distortion_coefficients, R and T)",
+        keys.join(", ")
+    )
 }
 
 /// The matrix whose rows these numbers are.
@@ -249,9 +281,15 @@ fn rotation(name: &str, key: &str, rows: [f64; 9]) -> Result<DMat3, Why> {
     Ok(DMat3::from_quat(DQuat::from_mat3(&given).normalize()))
 }
 
-/// The focal lengths and the principal point of a camera matrix, by rows.
-fn pinhole(name: &str, key: &str, rows: [f64; 9]) -> Result<([f64; 2], [f64; 2]), Why> {
-    let [fx, skew, cx, _, fy, cy, ..] = rows;
+/// The focal lengths and the principal point of a camera matrix.
+fn pinhole(
+    name: &str,
+    key: &str,
+    focal: [f64; 2],
+    centre: [f64; 2],
+    skew: f64,
+) -> Result<[[f64; 2]; 2], Why> {
+    let [fx, fy] = focal;
     if fx <= 0.0 || fy <= 0.0 {
         return Err(format!(
             "the focal lengths of {name} must be positive, not {fx} and {fy}"
@@ -262,7 +300,7 @@ fn pinhole(name: &str, key: &str, rows: [f64; 9]) -> Result<([f64; 2], [f64; 2])
             "{key} of {name} has a skew of {skew}, and pixels must be square"
         ));
     }
-    Ok(([fx, fy], [cx, cy]))
+    Ok([focal, centre])
 }
 
 /// `1 camera`, `2 cameras`.
@@ -271,9 +309,4 @@ fn counted(count: usize, what: &str) -> String {
         1 => format!("1 {what}"),
         _ => format!("{count} {what}s"),
     }
-}
-
-fn size(width: &Value, height: &Value) -> Option<Size> {
-    let side = |value: &Value| u32::try_from(value.as_u64()?).ok();
-    Some(Size::new(side(width)?, side(height)?))
 }
