@@ -414,6 +414,12 @@ pub(crate) struct Replay {
     /// Compare what is computed with what was recorded, byte for byte
     #[arg(long)]
     pub(crate) verify: bool,
+    /// The graph file it was recorded with, where the recording does not say its settings any more
+    #[arg(long, value_name = "FILE")]
+    pub(crate) graph: Option<PathBuf>,
+    /// The profile it was recorded with, where the recording does not say its settings any more
+    #[arg(long, value_enum)]
+    pub(crate) profile: Option<Profile>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -389,11 +389,18 @@ fn taken(node: &NodeType, key: &str) -> String {
         return takes;
     }
     // A choice between names: serde lists them to whoever gives it another one.
-    let none = check_alone(node, key, &"".into()).err().unwrap_or_default();
-    match none.split_once("expected ") {
-        Some((_, names)) => names.replace('`', ""),
-        None => "something else".to_owned(),
+    let names = |other: Value| {
+        let none = check_alone(node, key, &other).err().unwrap_or_default();
+        let names = none.split_once("expected ");
+        names.map(|(_, names)| names.replace('`', ""))
+    };
+    if known.is_some_and(|known| known.kind.starts_with("Vec<")) {
+        let names = names(vec![""].into()).unwrap_or_default();
+        let names = names.strip_prefix("one of ").unwrap_or(&names);
+        let first = names.split(", ").next().unwrap_or_default();
+        return format!("a list of some of {names}, as [{first:?}]");
     }
+    names("".into()).unwrap_or("something else".to_owned())
 }
 
 pub(crate) fn known_node(name: &str) -> Result<(), String> {
@@ -460,10 +467,9 @@ impl Overrides {
         Ok(overrides)
     }
 
-    /// A key that is set of a node.
-    pub(crate) fn key_of(&self, node: &str) -> Option<&str> {
-        let of_node = self.set.iter().find(|(name, ..)| *name == node);
-        of_node.map(|(_, key, _)| key.as_str())
+    /// The keys that are set, of every node.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.set.iter().map(|(node, key, _)| (&**node, &**key))
     }
 
     /// Sets a key.
@@ -540,6 +546,12 @@ mod tests {
         );
         let error = load(BUILT_IN, &["match.assignment=3"]).unwrap_err();
         assert_eq!(error, "match.assignment is point or curve, not 3");
+        for value in ["edges", "[\"edgs\"]", "3"] {
+            let error = load(BUILT_IN, &[&format!("record.without={value}")]).unwrap_err();
+            let told = "record.without is a list of some of image, image_raw, truth, edges, ";
+            assert!(error.starts_with(told), "{error}");
+            assert!(error.contains(", as [\"image\"], not "), "{error}");
+        }
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         ));
     }
     let mut recording = Recording::open(&args.file).map_err(Failure::failed)?;
-    for note in recording.notes() {
+    for note in recording.notes().iter().chain(recording.remarks()) {
         crate::say!("tricurve: {note}");
     }
     if !recording
@@ -54,5 +54,19 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             super::print(&format!("{}\n", path.display()))?;
         }
     }
-    Ok(Outcome::Done)
+    let whole = recording.whole_scans();
+    let mut left_out: Vec<u64> = recording.scans().collect();
+    left_out.retain(|scan| args.scan.is_none() && whole.binary_search(scan).is_err());
+    if let Some(first) = left_out.first() {
+        crate::say!(
+            "tricurve: {} of {} scans are not whole and are left out, the first is {first}: --scan exports one by itself",
+            left_out.len(),
+            left_out.len() + whole.len()
+        );
+    }
+    let is_less = !left_out.is_empty() || args.scan.is_none() && recording.lacks_scans();
+    Ok(match is_less {
+        true => Outcome::Lost,
+        false => Outcome::Done,
+    })
 }

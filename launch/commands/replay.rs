@@ -1,5 +1,8 @@
 //! `tricurve replay`: plays a recording into the stages after a cut.
 
+mod given;
+mod verified;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
@@ -7,11 +10,12 @@ use std::path::Path;
 use messages::change::Change;
 use messages::recording::Recording;
 use messages::{Kind, Rig, Stage, Topic};
-use replay::verify::Findings;
+use replay::verify::{Findings, depth};
 use replay::{Choice, Selection, check_cut, replayed_kinds};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use self::verified::{Expected, Verified};
 use super::run::{recording, table};
 use crate::cli::{Profile, Replay as Args};
 use crate::graph::{Graph, Overrides};
@@ -21,10 +25,11 @@ use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let path = std::path::absolute(&args.file).map_err(Failure::failed)?;
-    let source = Recording::open(&path).map_err(Failure::failed)?;
-    for note in source.notes() {
+    let mut source = Recording::open(&path).map_err(Failure::failed)?;
+    for note in source.notes().iter().chain(source.remarks()) {
         crate::say!("replay: {note}");
     }
+    let set = given::settings(args, &mut source)?;
     let from = Stage::from(args.from);
     let to = Stage::from(args.to);
     if to < from {
@@ -35,9 +40,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let stages = computing(&source, from, to);
     check_cut(&source, from, &stages).map_err(Failure::failed)?;
     let (first, end) = range(args, &source);
+    let is_part = first > 0 || end.is_some();
     let recorded = &source.metadata().configuration;
     let not_recorded = not_recorded(&source, &stages);
-    let mut graph = graph(args, &stages, first, end, &path, recorded)?;
+    let mut graph = graph(args, &set, &stages, first, end, &path, recorded)?;
     graph.fill_in("verify", "without", json!(not_recorded));
     let is_other = |name: &str, key: &str| {
         let then = recorded.get(name).and_then(|table| table.get(key));
@@ -49,19 +55,34 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         );
         graph.remove("evaluate");
     }
+    let rig = rig(&graph, &source)?;
+    // What is verified along a rail depends on frames before: they are played too.
+    let depths = Kind::ALL.map(|kind| depth(&rig, from, kind));
+    let is_computed = |(kind, _): &(Kind, u64)| graph.has(kind.stage().name());
+    let depths = Kind::ALL.into_iter().zip(depths).filter(is_computed);
+    let before = depths.map(|(_, depth)| depth).max().unwrap_or(0);
+    let before = if args.verify { before } else { 0 };
     let choice = Choice {
         from,
         taken: graph.taken(),
         first,
         end,
+        before,
         whole: args.verify,
     };
+    for node in ["replay", "verify"] {
+        graph.fill_in(node, "before", before);
+    }
     graph.fill_in("replay", "without", json!(not_held(&source, from)));
     let selection = Selection::of(&source, choice).map_err(Failure::failed)?;
+    let played = selection.scans.len() - selection.lead;
     if selection.broken > 0 {
-        let (broken, all) = (selection.broken, selection.broken + selection.scans.len());
+        let (broken, all) = (selection.broken, selection.broken + played);
         crate::say!("replay: warning: {broken} of {all} scans are not whole and are left out");
     }
+    graph.fill_in("record", "skip", selection.lead as u64);
+    // What is not there of the part that is wanted is missing from what comes out.
+    let is_less = selection.broken > 0 || !is_part && source.lacks_scans();
     let new_recording = recording(&mut graph)?;
     if let Some(new) = &new_recording {
         let old = record::Writer::check(new, args.force).map_err(Failure::failed)?;
@@ -72,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             return Err(Failure::usage(text));
         }
     }
-    let new_settings = recorded_changes(args, &graph, &source, &selection)?;
+    let new_settings = recorded_changes(args.repeat, &set, &graph, &source, &selection)?;
     let no_seek = match (&new_recording, args.verify, new_settings.is_empty()) {
         (Some(_), ..) => Some("a replay that is recorded cannot be sought in"),
         (_, true, _) => Some("a replay that is verified cannot be sought in"),
@@ -82,7 +103,6 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         _ => None,
     };
     let changed = changes(&graph, recorded);
-    let rig = rig(&graph, &source)?;
     let names = &source.metadata().scans;
     let name = |&(scan, _): &(u64, u64)| {
         let turn = scan.checked_rem(names.len() as u64)?;
@@ -108,14 +128,23 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let summary = table::Summary::new(&ran, new_recording.as_deref());
     let verified = args.verify.then(|| {
         let found = std::fs::read(dir.path().join(Findings::FILE)).unwrap_or_default();
-        let findings = serde_json::from_slice(&found).unwrap_or_default();
+        let findings: Findings = serde_json::from_slice(&found).unwrap_or_default();
         let missing = not_held(&source, from);
         let mut played = replayed_kinds(from);
         played.retain(|kind| !missing.contains(kind));
-        Verified::new(findings, ran.ledger.done, &played, &not_recorded)
+        let expected = Expected {
+            topics: expected(&source, &graph),
+            scans: ran.ledger.done.saturating_sub(selection.lead as u64),
+            lead: selection.lead as u64,
+            lacking: before.min(selection.scans[selection.lead].0) - selection.lead as u64,
+            played,
+            not_recorded,
+        };
+        Verified::new(findings, expected)
     });
     let outcome = match (&verified, ran.outcome) {
-        (Some(verified), Outcome::Done) if !verified.equal => Outcome::Lost,
+        (Some(verified), Outcome::Done) if !verified.is_verified() => Outcome::Lost,
+        (_, Outcome::Done) if is_less => Outcome::Lost,
         (_, outcome) => outcome,
     };
     let report = Report {
@@ -133,18 +162,20 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
 /// The settings that were changed while it was recorded, of the stages that compute, by the numbers of the scans as they
 /// are played. What is set on the command line holds throughout.
 fn recorded_changes(
-    args: &Args,
+    repeats: bool,
+    set: &[String],
     graph: &Graph,
     source: &Recording,
     selection: &Selection,
 ) -> Result<Vec<Change>, Failure> {
+    let lines = set;
     let is_set = |change: &Change| {
         let name = format!("{}.{}", change.node, change.key);
         let set = |line: &String| {
             line.split_once('=')
                 .is_some_and(|(key, _)| key.trim() == name)
         };
-        args.set.iter().any(set)
+        lines.iter().any(set)
     };
     let mut changes = source.changes();
     changes.retain(|change| graph.has(&change.node) && !is_set(change));
@@ -155,7 +186,7 @@ fn recorded_changes(
     changes.retain(|change| place(change) < selection.scans.len());
     // What holds from the first scan on holds in every round.
     if let Some(change) = changes.iter().find(|change| place(change) > 0)
-        && args.repeat
+        && repeats
     {
         return Err(Failure::usage(format!(
             "{change}: it cannot be played in a loop; --set that key, or leave --loop out"
@@ -220,7 +251,8 @@ fn computing(source: &Recording, from: Stage, to: Stage) -> Vec<Stage> {
     let knows_truth = !not_held(source, from).contains(&Kind::Truth);
     let configuration = &source.metadata().configuration;
     let is_evaluated = knows_truth && configuration.get(Stage::Evaluate.name()).is_some();
-    let is_mapped = configuration.get(Stage::Map.name()).is_some();
+    let is_rail = source.metadata().rig.rail.is_some();
+    let is_mapped = is_rail && configuration.get(Stage::Map.name()).is_some();
     let computes = |stage: &Stage| {
         let is_there = match stage {
             Stage::Evaluate => is_evaluated,
@@ -232,9 +264,22 @@ fn computing(source: &Recording, from: Stage, to: Stage) -> Vec<Stage> {
     Stage::ALL.into_iter().skip(1).filter(computes).collect()
 }
 
+/// The topics that are computed anew and that the recording holds.
+fn expected(source: &Recording, graph: &Graph) -> Vec<String> {
+    let channels = source.channels();
+    let is_computed = |topic: &Topic| {
+        let stage = topic.kind.stage();
+        stage != Stage::Capture && graph.has(stage.name()) && channels.contains_key(&*topic.name)
+    };
+    let mut topics = Topic::all(&source.metadata().rig);
+    topics.retain(is_computed);
+    topics.into_iter().map(|topic| topic.name).collect()
+}
+
 /// The recording's own graph, from the cut on.
 fn graph(
     args: &Args,
+    set: &[String],
     stages: &[Stage],
     first: u64,
     end: Option<u64>,
@@ -281,14 +326,41 @@ fn graph(
     if args.view {
         tables.insert("bridge".to_owned(), json!({}));
     }
-    let overrides = Overrides::parse(&args.set)?;
-    if let Some(key) = overrides.key_of("capture") {
-        return Err(Failure::usage(format!(
-            "capture.{key} was settled when the recording was made, and a replay has no capture: run again on the source"
-        )));
+    let overrides = Overrides::parse(set)?;
+    for (node, key) in overrides
+        .keys()
+        .filter(|(node, _)| !tables.contains_key(*node))
+    {
+        if let Some(why) = why_not(args, node) {
+            return Err(Failure::usage(format!("{node}.{key} is set, but {why}")));
+        }
     }
     Graph::of_tables(tables, Profile::Default, &overrides)
         .map_err(|text| Failure::usage(format!("the recording's graph: {text}")))
+}
+
+/// Why a node that there is has no part in a replay; `None` of one that nobody knows.
+fn why_not(args: &Args, node: &str) -> Option<String> {
+    let (from, to) = (Stage::from(args.from), Stage::from(args.to));
+    let stage = Stage::ALL.into_iter().find(|stage| stage.name() == node);
+    Some(match (stage, node) {
+        (Some(Stage::Capture), _) => {
+            "that was settled when the recording was made, and a replay has no capture: run again on the source"
+                .to_owned()
+        }
+        (Some(stage), _) if stage < from => format!(
+            "a replay from {} plays what {node} made as it was recorded: replay --from {node}",
+            from.name()
+        ),
+        (Some(stage), _) if stage > to => {
+            format!("a replay to {} ends before {node}: replay --to {node}", to.name())
+        }
+        (Some(_), _) => format!("the recording was made without {node}"),
+        (None, "record") => "nothing is recorded: replay --record FILE".to_owned(),
+        (None, "bridge") => "nothing is shown: replay --view".to_owned(),
+        (None, "verify") => "nothing is verified: replay --verify".to_owned(),
+        (None, _) => return None,
+    })
 }
 
 /// A table without the keys that are not set, as in a graph file.
@@ -380,67 +452,6 @@ struct Report {
     verified: Option<Verified>,
 }
 
-/// What came of comparing.
-#[derive(Debug, Serialize)]
-struct Verified {
-    /// Whether every message of every scan is the same to the byte.
-    equal: bool,
-    scans: u64,
-    /// Kinds of message that were played, not computed, and not compared.
-    played: Vec<&'static str>,
-    /// Kinds of message that were computed, but are not in the recording, and not compared.
-    not_recorded: Vec<&'static str>,
-    topics: BTreeMap<String, TopicVerified>,
-}
-
-#[derive(Debug, Serialize)]
-struct TopicVerified {
-    equal: u64,
-    different: u64,
-    missing: u64,
-    /// Messages of a rail's first frames, which depend on frames that are not replayed: they are not compared.
-    #[serde(skip_serializing_if = "is_none")]
-    dependent: u64,
-    /// What is the matter with the first message that is not equal.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    first: Option<String>,
-}
-
-fn is_none(count: &u64) -> bool {
-    *count == 0
-}
-
-impl Verified {
-    fn new(findings: Findings, scans: u64, played: &[Kind], not_recorded: &[Kind]) -> Self {
-        let topics: BTreeMap<_, _> = findings
-            .topics
-            .into_iter()
-            .map(|(topic, found)| {
-                let compared = TopicVerified {
-                    equal: found.equal,
-                    different: found.different,
-                    missing: scans.saturating_sub(found.equal + found.different + found.dependent),
-                    dependent: found.dependent,
-                    first: found.first,
-                };
-                (topic, compared)
-            })
-            .collect();
-        Self {
-            equal: scans > 0
-                && !topics.is_empty()
-                && topics.values().any(|topic| topic.equal > 0)
-                && topics
-                    .values()
-                    .all(|topic| topic.equal + topic.dependent == scans),
-            scans,
-            played: played.iter().map(|kind| kind.name()).collect(),
-            not_recorded: not_recorded.iter().map(|kind| kind.name()).collect(),
-            topics,
-        }
-    }
-}
-
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.summary)?;
@@ -450,46 +461,9 @@ impl fmt::Display for Report {
                 writeln!(f, "  {key}: {now}, was {then}")?;
             }
         }
-        let Some(verified) = &self.verified else {
-            return Ok(());
-        };
-        writeln!(
-            f,
-            "\n{:<24} {:>7} {:>10} {:>8}",
-            "topic", "equal", "different", "missing"
-        )?;
-        for (topic, found) in &verified.topics {
-            let TopicVerified {
-                equal,
-                different,
-                missing,
-                dependent,
-                first,
-            } = found;
-            writeln!(f, "{topic:<24} {equal:>7} {different:>10} {missing:>8}")?;
-            if let Some(first) = first {
-                writeln!(f, "    first: {first}")?;
-            }
-            if *dependent > 0 {
-                writeln!(
-                    f,
-                    "    not compared: {dependent}, which depend on frames before those that are replayed"
-                )?;
-            }
-        }
-        let played = verified.played.join(", ");
-        if !verified.not_recorded.is_empty() {
-            let kinds = verified.not_recorded.join(", ");
-            writeln!(f, "\nnot in the recording, and not compared: {kinds}")?;
-        }
-        match verified.equal {
-            true => writeln!(
-                f,
-                "\nverified: {} scans are equal to the byte on {} topics; played, not computed: {played}",
-                verified.scans,
-                verified.topics.len()
-            ),
-            false => writeln!(f, "\nNOT equal: what is computed is not what was recorded"),
+        match &self.verified {
+            Some(verified) => write!(f, "\n{verified}"),
+            None => Ok(()),
         }
     }
 }

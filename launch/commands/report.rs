@@ -17,7 +17,7 @@ use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut recording = Recording::open(&args.file).map_err(Failure::failed)?;
-    for note in recording.notes() {
+    for note in recording.notes().iter().chain(recording.remarks()) {
         crate::say!("tricurve: {note}");
     }
     let page = Page {

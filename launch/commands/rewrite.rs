@@ -20,10 +20,10 @@ pub(crate) fn recover(args: &Recover) -> Result<Outcome, Failure> {
         0..u64::MAX,
         Split::default(),
     )?;
-    let is_whole = written.unreadable_bytes == 0 && written.whole == written.scans;
-    Ok(match is_whole {
-        true => Outcome::Done,
-        false => Outcome::Lost,
+    let is_whole = written.whole == written.scans;
+    Ok(match outcome(written) {
+        Outcome::Done if !is_whole => Outcome::Lost,
+        outcome => outcome,
     })
 }
 
@@ -63,11 +63,11 @@ pub(crate) fn filter(args: &Filter) -> Result<Outcome, Failure> {
     write(file, &args.output, &is_wanted, scans, Split::default()).map(outcome)
 }
 
-/// What cannot be read is lost, whatever was to be done.
+/// What cannot be read or is not there is lost, whatever was to be done.
 fn outcome(written: Rewritten) -> Outcome {
-    match written.unreadable_bytes {
-        0 => Outcome::Done,
-        _ => Outcome::Lost,
+    match written.lacks_scans {
+        false => Outcome::Done,
+        true => Outcome::Lost,
     }
 }
 

@@ -49,7 +49,7 @@ const HOW: &str = "--port, as in --port 8766, or --port 0 for any that is free";
 
 fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, Failure> {
     let mut recording = Recording::open(file).map_err(Failure::failed)?;
-    for note in recording.notes() {
+    for note in recording.notes().iter().chain(recording.remarks()) {
         crate::say!("view: {note}");
     }
     if args.check {

@@ -16,6 +16,7 @@ mod encoder;
 mod overlay;
 mod refer;
 mod row;
+mod said;
 mod scene;
 mod schema;
 mod statistics;
@@ -24,6 +25,7 @@ mod wire;
 
 pub use codec::{Beside, DecodeError, Recorded, Said};
 pub use encoder::{Encoder, Sink};
+pub use said::{CameraSaid, frame_said, places_said, size_said};
 pub use scene::{Level, SWAY};
 pub use schema::Schema;
 pub use statistics::{Milliseconds, Statistics};
@@ -144,6 +146,11 @@ impl Codec {
         };
         let is_it = |kind: &Kind| self.beside(topic, *kind).is_some_and(|t| t.name == name);
         to.iter().any(is_it)
+    }
+
+    /// Whether the topic of this name is one of data.
+    pub fn is_data(&self, name: &str) -> bool {
+        self.topics.iter().any(|topic| topic.name == name)
     }
 
     /// The frames that transforms name: `world`, `rig`, every view's optical one, and that of a rail.

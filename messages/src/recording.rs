@@ -9,10 +9,15 @@
 mod file;
 mod layout;
 mod metadata;
+mod names;
 mod parts;
 mod read;
+mod rebuilt;
+mod scans;
+mod shelf;
+mod sightings;
 
-pub use file::{Chunk, Contents, FileSchema, MESSAGE_HEAD, RECORD_HEAD, first_sequence};
+pub use file::{Chunk, Contents, FileSchema, Group, MESSAGE_HEAD, RECORD_HEAD, Run};
 pub use metadata::{
     Identity, Metadata, MetadataError, NAME, ScanOrder, changes_record, ledger_record,
 };

@@ -171,7 +171,7 @@ impl Codec {
 }
 
 /// y of a `foxglove.Vector3`.
-fn second(vector: &[u8]) -> f64 {
+pub(super) fn second(vector: &[u8]) -> f64 {
     let is_it = |field: Result<(u32, Value<'_>), _>| match field {
         Ok((2, value)) => value.double().ok(),
         _ => None,

@@ -1,6 +1,6 @@
 //! What an MCAP file holds, finished or not: by its index where it has one, else from record to record.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -10,11 +10,15 @@ use mcap::records::{self, MessageHeader, Record, op};
 use mcap::{MAGIC, McapError};
 
 use super::layout::{is_whole, parse};
+use super::metadata::NAME;
+use super::scans::Block;
 
 /// Opcode and length in front of every record.
 pub const RECORD_HEAD: u64 = 1 + 8;
 /// No record of a scan is longer, whatever a damaged file says.
 const LONGEST_RECORD: usize = 2 << 30;
+/// Messages outside of chunks are read so many at once: not all of a file whose messages have one number and time.
+const LONGEST_RUN: u64 = 64 << 20;
 /// Records outside of chunks are small: metadata at most.
 const LONGEST_SMALL_RECORD: u64 = 256 << 20;
 
@@ -52,6 +56,52 @@ pub struct Contents {
     pub whole_until: u64,
     /// Message indexes of the last chunk, of an unfinished file: they may be torn and are made again.
     pub last_indexes: Vec<records::MessageIndex>,
+    /// Messages outside of chunks, in the order they stand.
+    pub runs: Vec<Run>,
+    /// Whether the file's own index tells where every scan is, as in files that this program wrote. Of others only reading
+    /// them through does: their chunks hold what they will, and what an index says of times need not be so.
+    pub is_indexed: bool,
+    /// Whether its index is there but damaged.
+    pub has_damaged_index: bool,
+}
+
+/// Messages outside of chunks: records that stand one after the other, all with the same number and time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Where they stand.
+    pub range: Range<u64>,
+    /// What they have in common.
+    pub group: Group,
+}
+
+/// Messages of a chunk or run that have number and time in common.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// Their sequence number.
+    pub sequence: u32,
+    /// When they were logged, in nanoseconds since 1970.
+    pub nanos: u64,
+    /// Their channels, in order.
+    pub channels: Vec<u16>,
+}
+
+impl Group {
+    fn of(header: &MessageHeader) -> Self {
+        Self {
+            sequence: header.sequence,
+            nanos: header.log_time,
+            channels: vec![header.channel_id],
+        }
+    }
+
+    /// Takes a message in, when it is of this group.
+    fn takes(&mut self, header: &MessageHeader) -> bool {
+        let is_of_it = (self.sequence, self.nanos) == (header.sequence, header.log_time);
+        if is_of_it && let Err(place) = self.channels.binary_search(&header.channel_id) {
+            self.channels.insert(place, header.channel_id);
+        }
+        is_of_it
+    }
 }
 
 impl Contents {
@@ -67,25 +117,36 @@ impl Contents {
         {
             return Ok(None);
         }
-        match Self::from_summary(file, len)? {
-            Some(contents) => Ok(Some(contents)),
-            None => Self::from_records(file, len).map(Some),
-        }
+        let ending = Ending::of(file, len)?;
+        let told = match &ending {
+            Ending::Summary(summary) => Self::from_summary(file, len, summary)?,
+            _ => None,
+        };
+        let mut contents = match told {
+            Some(contents) => contents,
+            None => Self::from_records(file, len, ending.is_there())?,
+        };
+        contents.has_damaged_index = matches!(ending, Ending::Damaged);
+        contents.is_indexed &= contents.library.starts_with(NAME)
+            && contents.runs.is_empty()
+            && contents
+                .chunks
+                .iter()
+                .all(|chunk| !chunk.message_index_offsets.is_empty());
+        Ok(Some(contents))
     }
 
-    /// By the file's own index; `None` when it has none, or one that leaves out what is needed.
-    fn from_summary(file: &mut File, len: u64) -> io::Result<Option<Self>> {
-        let Some(summary) = summary(file, len)? else {
-            return Ok(None);
-        };
+    /// By the file's own index; `None` when it leaves out what is needed.
+    fn from_summary(file: &mut File, len: u64, summary: &[u8]) -> io::Result<Option<Self>> {
         let mut contents = Self {
             is_finished: true,
+            is_indexed: true,
             whole_until: len,
             ..Self::default()
         };
         let (mut stats, mut metadata_indexes, mut next) = (None, Vec::new(), 0);
         while next < summary.len() {
-            let Some((opcode, body)) = record_in(&summary, next) else {
+            let Some((opcode, body)) = record_in(summary, next) else {
                 return Ok(None);
             };
             next = body.end;
@@ -101,7 +162,13 @@ impl Contents {
         let Some(stats) = stats else {
             return Ok(None);
         };
+        let schemas = &contents.schemas;
+        let knows_schema = |channel: &records::Channel| {
+            channel.schema_id == 0 || schemas.contains_key(&channel.schema_id)
+        };
         let tells_all = contents.channels.len() == stats.channel_count as usize
+            && contents.channels.values().all(knows_schema)
+            && contents.attachments.len() == stats.attachment_count as usize
             && contents.chunks.len() == stats.chunk_count as usize
             && metadata_indexes.len() == stats.metadata_count as usize
             && (stats.message_count == 0 || stats.chunk_count > 0);
@@ -119,16 +186,49 @@ impl Contents {
                 contents.metadata.push((index, metadata));
             }
         }
-        Ok(Some(contents))
+        let is_all = contents.is_all(file, len)?;
+        Ok(is_all.then_some(contents))
     }
 
-    /// From record to record, up to where the file is torn.
-    fn from_records(file: &mut File, len: u64) -> io::Result<Self> {
+    /// Whether there is no message outside of the chunks that are known.
+    fn is_all(&self, file: &mut File, len: u64) -> io::Result<bool> {
+        let chunks = self.chunks.iter().map(|chunk| {
+            let length = chunk
+                .chunk_length
+                .saturating_add(chunk.message_index_length);
+            (chunk.chunk_start_offset, length)
+        });
+        let metadata = self
+            .metadata
+            .iter()
+            .map(|(index, _)| (index.offset, index.length));
+        let attachments = self
+            .attachments
+            .iter()
+            .map(|index| (index.offset, index.length));
+        let known: BTreeMap<u64, u64> = chunks.chain(metadata).chain(attachments).collect();
+        let mut next = MAGIC.len() as u64;
+        loop {
+            if let Some(length) = known.get(&next) {
+                next = next.saturating_add(*length);
+                continue;
+            }
+            match head_at(file, next, len)? {
+                Some((op::DATA_END | op::FOOTER, _)) => return Ok(true),
+                None | Some((op::MESSAGE | op::CHUNK, _)) => return Ok(false),
+                Some((_, body)) => next = body.end,
+            }
+        }
+    }
+
+    /// From record to record, up to where the file is torn, or to the end of one that `ends` as it should.
+    fn from_records(file: &mut File, len: u64, ends: bool) -> io::Result<Self> {
         let mut contents = Self {
             whole_until: MAGIC.len() as u64,
             ..Self::default()
         };
         let mut counted: Vec<BTreeMap<u16, u64>> = Vec::new();
+        let mut is_over = false;
         loop {
             let start = contents.whole_until;
             let Some((opcode, body)) = head_at(file, start, len)? else {
@@ -136,7 +236,16 @@ impl Contents {
             };
             let length = body.end - start;
             match opcode {
-                op::DATA_END | op::FOOTER => break,
+                op::DATA_END | op::FOOTER => {
+                    is_over = true;
+                    break;
+                }
+                op::MESSAGE => {
+                    let Some(header) = message_header(file, &body)? else {
+                        break;
+                    };
+                    contents.add_to_runs(&header, start..body.end);
+                }
                 op::CHUNK => {
                     let Some(index) = chunk_index(file, start, length)? else {
                         break;
@@ -188,8 +297,53 @@ impl Contents {
             }
             contents.whole_until = body.end;
         }
+        if is_over && ends {
+            // What its chunks hold nobody told: they are read through.
+            contents.is_finished = true;
+            contents.whole_until = len;
+            return Ok(contents);
+        }
+        contents.is_indexed = true;
         contents.look_into_chunks(file, counted)?;
         Ok(contents)
+    }
+
+    /// A message outside of chunks.
+    fn add_to_runs(&mut self, header: &MessageHeader, range: Range<u64>) {
+        *self.counts.entry(header.channel_id).or_default() += 1;
+        if let Some(run) = self.runs.last_mut()
+            && run.range.end == range.start
+            && run.range.end - run.range.start < LONGEST_RUN
+            && run.group.takes(header)
+        {
+            run.range.end = range.end;
+            return;
+        }
+        self.runs.push(Run {
+            range,
+            group: Group::of(header),
+        });
+    }
+
+    /// Reads every chunk and says what it holds, in their order: groups by number and time. Schemas and channels that stand
+    /// only there are known from then on.
+    pub(super) fn look_through(&mut self, file: &mut File) -> Vec<Result<Vec<Group>, McapError>> {
+        let mut spare = Vec::new();
+        let mut looked = Vec::new();
+        for index in std::mem::take(&mut self.chunks) {
+            let chunk = Chunk::load(file, &index, &mut spare);
+            self.chunks.push(index);
+            looked.push(chunk.map(|chunk| {
+                chunk
+                    .definitions
+                    .iter()
+                    .for_each(|record| self.define(record));
+                let groups = chunk.groups();
+                spare.push(chunk.bytes);
+                groups
+            }));
+        }
+        looked
     }
 
     /// Reads those chunks whose message indexes do not tell everything: the first, for the channels it defines, and
@@ -199,7 +353,8 @@ impl Contents {
         file: &mut File,
         mut counted: Vec<BTreeMap<u16, u64>>,
     ) -> io::Result<()> {
-        while let Some(last) = self.chunks.last_mut() {
+        // Beside messages outside of chunks there is nothing that ends with the last chunk.
+        while let Some(last) = self.chunks.last_mut().filter(|_| self.runs.is_empty()) {
             let end = last.chunk_start_offset + last.chunk_length;
             if let Ok(chunk) = Chunk::load(file, last, &mut Vec::new()) {
                 last.message_index_offsets.clear();
@@ -249,6 +404,20 @@ impl Contents {
         Ok(())
     }
 
+    /// Where a chunk or run stands, and how long it is.
+    pub(super) fn span(&self, block: Block) -> (u64, u64) {
+        match block {
+            Block::Chunk(chunk) => {
+                let index = &self.chunks[chunk];
+                (index.chunk_start_offset, index.chunk_length)
+            }
+            Block::Run(run) => {
+                let range = &self.runs[run].range;
+                (range.start, range.end - range.start)
+            }
+        }
+    }
+
     fn cut(&mut self, end: u64) {
         self.whole_until = end;
         self.metadata.retain(|(index, _)| index.offset < end);
@@ -274,34 +443,71 @@ impl Contents {
     }
 }
 
-/// The summary of a file that ends as it should, record by record; `None` when it has none.
-fn summary(file: &mut File, len: u64) -> io::Result<Option<Vec<u8>>> {
-    const FOOTER: u64 = RECORD_HEAD + 8 + 8 + 4;
-    let Some(start) = len.checked_sub(FOOTER + MAGIC.len() as u64) else {
-        return Ok(None);
-    };
-    let mut end = [0; FOOTER as usize + MAGIC.len()];
-    file.seek(SeekFrom::Start(start))?;
-    file.read_exact(&mut end)?;
-    let (footer, magic) = end.split_at(FOOTER as usize);
-    let Ok(Record::Footer(record)) = parse(footer[0], &footer[RECORD_HEAD as usize..]) else {
-        return Ok(None);
-    };
-    let Some(length) = start.checked_sub(record.summary_start) else {
-        return Ok(None);
-    };
-    if magic != MAGIC || record.summary_start == 0 || length > LONGEST_SMALL_RECORD {
+/// How a file ends.
+enum Ending {
+    /// Torn.
+    Torn,
+    /// As it should, without an index.
+    Bare,
+    /// As it should, with an index that is damaged.
+    Damaged,
+    /// As it should, with this index, record by record.
+    Summary(Vec<u8>),
+}
+
+impl Ending {
+    fn of(file: &mut File, len: u64) -> io::Result<Self> {
+        const FOOTER: u64 = RECORD_HEAD + 8 + 8 + 4;
+        let Some(start) = len.checked_sub(FOOTER + MAGIC.len() as u64) else {
+            return Ok(Self::Torn);
+        };
+        let mut end = [0; FOOTER as usize + MAGIC.len()];
+        file.seek(SeekFrom::Start(start))?;
+        file.read_exact(&mut end)?;
+        let (footer, magic) = end.split_at(FOOTER as usize);
+        let Ok(Record::Footer(record)) = parse(footer[0], &footer[RECORD_HEAD as usize..]) else {
+            return Ok(Self::Torn);
+        };
+        if magic != MAGIC {
+            return Ok(Self::Torn);
+        }
+        if record.summary_start == 0 {
+            return Ok(Self::Bare);
+        }
+        let Some(length) = start.checked_sub(record.summary_start) else {
+            return Ok(Self::Damaged);
+        };
+        if length > LONGEST_SMALL_RECORD {
+            // What is left out of memory is found by walking over the records.
+            return Ok(Self::Bare);
+        }
+        let mut summary = vec![0; length as usize];
+        file.seek(SeekFrom::Start(record.summary_start))?;
+        file.read_exact(&mut summary)?;
+        // The sum goes as far as the footer's own fields before it.
+        let mut sum = crc32fast::Hasher::new();
+        sum.update(&summary);
+        sum.update(&footer[..FOOTER as usize - 4]);
+        let is_good = record.summary_crc == 0 || record.summary_crc == sum.finalize();
+        Ok(match is_good {
+            true => Self::Summary(summary),
+            false => Self::Damaged,
+        })
+    }
+
+    fn is_there(&self) -> bool {
+        !matches!(self, Self::Torn)
+    }
+}
+
+/// The head of the message whose record's body stands here; `None` when it is too short. The file stands at the body.
+fn message_header(file: &mut File, body: &Range<u64>) -> io::Result<Option<MessageHeader>> {
+    if body.end - body.start < MESSAGE_HEAD as u64 {
         return Ok(None);
     }
-    let mut summary = vec![0; length as usize];
-    file.seek(SeekFrom::Start(record.summary_start))?;
-    file.read_exact(&mut summary)?;
-    // The sum goes as far as the footer's own fields before it.
-    let mut sum = crc32fast::Hasher::new();
-    sum.update(&summary);
-    sum.update(&footer[..FOOTER as usize - 4]);
-    let is_good = record.summary_crc == 0 || record.summary_crc == sum.finalize();
-    Ok(is_good.then_some(summary))
+    let mut head = [0; MESSAGE_HEAD];
+    file.read_exact(&mut head)?;
+    Ok(MessageHeader::read_le(&mut io::Cursor::new(head)).ok())
 }
 
 /// Opcode and body of the record at this place; `None` where there is no whole record.
@@ -428,6 +634,30 @@ impl Chunk {
         spare: &mut Vec<Vec<u8>>,
     ) -> Result<Self, McapError> {
         let (bytes, start) = unpacked(file, index, spare)?;
+        Self::of(bytes, start)
+    }
+
+    /// Reads messages that stand outside of chunks, into memory from `spare` where there is some.
+    ///
+    /// # Errors
+    /// When they cannot be read or are damaged.
+    pub(super) fn of_run(
+        file: &mut File,
+        run: &Range<u64>,
+        spare: &mut Vec<Vec<u8>>,
+    ) -> Result<Self, McapError> {
+        let mut bytes = spare.pop().unwrap_or_default();
+        bytes.clear();
+        file.seek(SeekFrom::Start(run.start))?;
+        file.take(run.end - run.start).read_to_end(&mut bytes)?;
+        match bytes.len() as u64 == run.end - run.start {
+            true => Self::of(bytes, 0),
+            false => Err(McapError::UnexpectedEof),
+        }
+    }
+
+    /// The records that begin here.
+    fn of(bytes: Vec<u8>, start: usize) -> Result<Self, McapError> {
         let mut chunk = Self::default();
         let mut next = start;
         while next < bytes.len() {
@@ -456,6 +686,23 @@ impl Chunk {
         Ok(chunk)
     }
 
+    /// What its messages have in common.
+    pub(super) fn groups(&self) -> Vec<Group> {
+        let mut groups: BTreeMap<(u64, u32), BTreeSet<u16>> = BTreeMap::new();
+        for (header, _) in &self.messages {
+            let group = groups
+                .entry((header.log_time, header.sequence))
+                .or_default();
+            group.insert(header.channel_id);
+        }
+        let group = |((nanos, sequence), channels): ((u64, u32), BTreeSet<u16>)| Group {
+            sequence,
+            nanos,
+            channels: channels.into_iter().collect(),
+        };
+        groups.into_iter().map(group).collect()
+    }
+
     fn message_indexes(&self) -> Vec<records::MessageIndex> {
         let mut by_channel: BTreeMap<u16, Vec<records::MessageIndexEntry>> = BTreeMap::new();
         for ((header, _), offset) in self.messages.iter().zip(&self.offsets) {
@@ -480,7 +727,7 @@ pub const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 ///
 /// # Errors
 /// When it cannot be read.
-pub fn first_sequence(
+pub(super) fn first_sequence(
     file: &mut File,
     index: &records::ChunkIndex,
 ) -> Result<Option<u32>, McapError> {
@@ -587,7 +834,7 @@ fn checked(
 }
 
 /// Opcode and body of the record that begins here; `None` where there is no whole one.
-fn record_in(bytes: &[u8], start: usize) -> Option<(u8, Range<usize>)> {
+pub(super) fn record_in(bytes: &[u8], start: usize) -> Option<(u8, Range<usize>)> {
     let (head, rest) = bytes.get(start..)?.split_at_checked(RECORD_HEAD as usize)?;
     let (opcode, length) = head.split_first()?;
     let length = usize::try_from(u64::from_le_bytes(length.try_into().ok()?)).ok()?;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::change::Change;
 use crate::ledger::Ledger;
-use crate::{Rig, Size};
+use crate::{Rig, Size, Stage};
 use mcap::records;
 use thiserror::Error;
 
@@ -60,6 +60,32 @@ pub enum MetadataError {
 }
 
 impl Metadata {
+    /// Of a recording that says nothing about itself.
+    pub(super) fn unknown() -> Self {
+        Self {
+            version: String::new(),
+            graph: String::new(),
+            configuration: serde_json::Value::Null,
+            rig: Rig::of_views(0, &[], Size::new(0, 0)),
+            reference: 0,
+            source: String::new(),
+            scans: Vec::new(),
+        }
+    }
+
+    /// Whether it says with which settings its scans were computed.
+    pub fn knows_settings(&self) -> bool {
+        self.configuration.is_object()
+    }
+
+    /// The settings of the stages that compute, in their order.
+    pub fn computing(&self) -> Vec<(&'static str, Option<&serde_json::Value>)> {
+        let stages = Stage::ALL.into_iter().skip(1).map(Stage::name);
+        stages
+            .map(|stage| (stage, self.configuration.get(stage)))
+            .collect()
+    }
+
     /// As the record that stands in the file.
     pub fn to_record(&self, identity: &Identity) -> records::Metadata {
         let calibrated = self.rig.calibration.is_some_and(|camera| camera.calibrated);
@@ -187,7 +213,7 @@ impl ScanOrder {
 }
 
 /// More of anything than a rig has; a damaged number must not fill the memory.
-fn is_possible(rig: &Rig) -> bool {
+pub(super) fn is_possible(rig: &Rig) -> bool {
     const MOST: usize = 256;
     const MOST_SIDE: u32 = 1 << 20;
     const MOST_PIXELS: u64 = 1 << 28;

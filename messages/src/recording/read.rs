@@ -9,15 +9,19 @@ use std::path::{Path, PathBuf};
 use crate::ledger::Ledger;
 use crate::record::{Codec, DecodeError, Recorded, Said, TRANSFORMS};
 use crate::{CurvesView, Header, Kind, Owned, Topic};
-use mcap::Attachment;
-use mcap::records::ChunkIndex;
+use mcap::{Attachment, McapError};
 use thiserror::Error;
 
-use super::file::{Chunk, Contents, FileSchema, RECORD_HEAD, first_sequence};
+use super::file::{Contents, FileSchema, Group, RECORD_HEAD};
 use super::layout::parse;
 use super::metadata::Metadata;
 use super::metadata::{CHANGES, Identity, LEDGER, MetadataError, NAME, ScanOrder, changes, ledger};
+use super::names::{Prefix, is_ours};
 use super::parts::{count_parts, part_path, stray_parts};
+use super::rebuilt::rebuilt;
+use super::scans::{Block, Key, Place, Scans, Sighting, is_repeated};
+use super::shelf::Shelf;
+use super::sightings::sightings;
 use crate::change::Change;
 
 /// Why a recording cannot be read.
@@ -49,6 +53,30 @@ pub enum ReadError {
         library: String,
         /// Its topics.
         topics: String,
+    },
+    /// Recordings of different rigs or settings were written into one file.
+    #[error(
+        "{} holds {count} recordings of different {what}, which another program merged: read those it was made of",
+        path.display()
+    )]
+    Mixed {
+        /// The file.
+        path: PathBuf,
+        /// How many.
+        count: usize,
+        /// What they differ in.
+        what: &'static str,
+    },
+    /// Its metadata were left out, and its messages do not say what is needed either.
+    #[error(
+        "{} has no metadata, which another program left out, and its messages do not say {what}: rewrite it with its metadata",
+        path.display()
+    )]
+    Silent {
+        /// The file.
+        path: PathBuf,
+        /// What they do not say.
+        what: &'static str,
     },
     /// It does not say what is needed to read it.
     #[error("cannot read {}: {source}", path.display())]
@@ -101,25 +129,17 @@ pub enum ReadError {
 pub struct Part {
     /// Where it lies.
     pub path: PathBuf,
-    file: File,
+    pub(super) file: File,
     /// Its length.
     pub bytes: u64,
     /// What it holds.
     pub contents: Contents,
-}
-
-/// A chunk with messages of a scan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Place {
-    part: usize,
-    chunk: usize,
-}
-
-/// What is known of a scan without reading it.
-#[derive(Clone, Debug, Default)]
-struct Held {
-    nanos: u64,
-    places: Vec<Place>,
+    /// Of a part that others wrote what its chunks hold.
+    pub(super) looked: Option<Vec<Result<Vec<Group>, McapError>>>,
+    /// Its channels of topics that are none of a recording's, where others wrote it.
+    foreign: BTreeSet<u16>,
+    /// What its topics had in front of their names.
+    prefix: Prefix,
 }
 
 /// The messages of one scan.
@@ -133,6 +153,8 @@ pub struct Scan {
     chunks: Vec<Vec<u8>>,
     /// Topic, chunk, and where in it the message lies.
     messages: Vec<(String, usize, Range<usize>)>,
+    /// Topics of which there is another message that says something else.
+    pub contradicted: Vec<String>,
 }
 
 impl Scan {
@@ -248,142 +270,249 @@ pub struct Recording {
     codec: Codec,
     /// Its files, in order.
     pub parts: Vec<Part>,
-    scans: BTreeMap<u64, Held>,
+    scans: Scans,
     notes: Vec<String>,
+    remarks: Vec<String>,
+    /// Whether scans of it are known to be missing.
+    lacks_scans: bool,
+    /// How many recordings were written into one by others.
+    merged: usize,
     /// Memory of scans that are no longer needed.
     spare: Vec<Vec<u8>>,
+    shelf: Shelf,
     /// Bytes of chunks that could not even be begun.
     lost_bytes: u64,
 }
 
-/// Topics of which a scan may have several messages.
-fn is_repeated(topic: &str) -> bool {
-    topic == "log" || topic == "ledger"
-}
-
 impl Recording {
-    /// Opens a recording by the path of its first part. Finished parts are not read but for their index; of
-    /// unfinished ones all that is whole is there.
+    /// Opens a recording by the path of its first part. Finished parts that this program wrote are not read but for their
+    /// index; of unfinished ones all that is whole is there. What other programs rewrote is read through.
     ///
     /// # Errors
     /// When it is not a recording of this program, or cannot be read.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let mut notes = Vec::new();
         let first = Part::open(path)?;
-        let (metadata, identity) = first.metadata()?;
-        if identity.part > 0 {
-            notes.push(format!(
+        let said = first.metadata()?;
+        let mut recording = Self {
+            path: path.to_owned(),
+            metadata: Metadata::unknown(),
+            codec: Codec::new(Metadata::unknown().rig, 0),
+            parts: vec![first],
+            scans: Scans::default(),
+            notes: Vec::new(),
+            remarks: Vec::new(),
+            lacks_scans: false,
+            merged: 1,
+            spare: Vec::new(),
+            shelf: Shelf::default(),
+            lost_bytes: 0,
+        };
+        recording.find_parts(said.as_ref().map(|said| &said.identity))?;
+        recording.look_at_parts();
+        recording.find_scans();
+        recording.metadata = match said {
+            Some(said) => {
+                recording.merged = said.recordings;
+                if said.recordings > 1 {
+                    let count = said.recordings;
+                    recording.remarks.push(format!(
+                        "{count} recordings were merged into it by another program: scans that had the same number are numbered on"
+                    ));
+                }
+                said.metadata
+            }
+            None => {
+                recording.remarks.push(
+                    "its metadata were left out when another program wrote it: views, channels, image size and cameras are \
+                     those that its messages say, and the settings are not known"
+                        .to_owned(),
+                );
+                rebuilt(&mut recording)?
+            }
+        };
+        let Metadata { rig, reference, .. } = &recording.metadata;
+        recording.codec = Codec::new(rig.clone(), *reference);
+        Ok(recording)
+    }
+
+    /// Adds the further parts, and says which cannot be.
+    fn find_parts(&mut self, identity: Option<&Identity>) -> Result<(), ReadError> {
+        let path = self.path.clone();
+        if let Some(identity) = identity.filter(|identity| identity.part > 0) {
+            self.notes.push(format!(
                 "{} is part {} of a recording; what its other parts hold is not here",
                 path.display(),
                 identity.part
             ));
         }
-        let mut parts = vec![first];
-        for number in 1..count_parts(path) {
-            let path = part_path(path, number);
+        for number in 1..count_parts(&path) {
+            let path = part_path(&path, number);
             let part = Part::open(&path);
             let belongs = part.and_then(|part| {
-                let (_, of_part) = part.metadata()?;
-                let expected = Identity {
+                let said = part.metadata()?;
+                let expected = identity.map(|identity| Identity {
                     part: identity.part + number,
                     ..identity.clone()
-                };
-                Ok((of_part == expected).then_some(part))
+                });
+                let of_part = said.map(|said| said.identity);
+                Ok(match (of_part, expected) {
+                    (Some(of_part), Some(expected)) if of_part == expected => Some(Ok(part)),
+                    (Some(_), Some(_)) => None,
+                    _ => Some(Err(())),
+                })
             });
             match belongs {
-                Ok(Some(part)) => parts.push(part),
-                Ok(None) => {
-                    let path = path.display();
-                    notes.push(format!(
-                        "{path} belongs to another recording and is left out"
+                Ok(Some(Ok(part))) => self.parts.push(part),
+                Ok(Some(Err(()))) => {
+                    self.lacks_scans = true;
+                    self.notes.push(format!(
+                        "nothing says whether {} belongs to it, since metadata were left out when it was rewritten: it is left \
+                         out; read it by itself",
+                        path.display()
                     ));
                 }
-                Err(error) => notes.push(format!("a part is left out: {error}")),
+                Ok(None) => self.notes.push(format!(
+                    "{} belongs to another recording and is left out",
+                    path.display()
+                )),
+                Err(error) => {
+                    self.lacks_scans = true;
+                    self.notes.push(format!("a part is left out: {error}"));
+                }
             }
         }
-        for part in parts.iter().filter(|part| !part.contents.is_finished) {
-            let torn = part.bytes - part.contents.whole_until;
-            notes.push(format!(
-                "{} is unfinished: its writer ended before it; {torn} torn bytes at its end are left out",
-                part.path.display()
-            ));
-        }
-        let strays = stray_parts(path);
+        let strays = stray_parts(&path);
         let of_this = |stray: &&PathBuf| {
             let part = Part::open(stray).and_then(|part| part.metadata());
-            part.is_ok_and(|(_, of_part)| of_part.recording == identity.recording)
+            part.is_ok_and(|said| {
+                let (of_part, identity) = (said.map(|said| said.identity), identity);
+                of_part.is_some_and(|of_part| {
+                    identity.is_some_and(|identity| of_part.recording == identity.recording)
+                })
+            })
         };
         if let Some(stray) = strays.iter().find(of_this) {
-            notes.push(format!(
+            self.lacks_scans = true;
+            self.notes.push(format!(
                 "{} is missing, and {} and what comes after it is left out",
-                part_path(path, count_parts(path)).display(),
+                part_path(&path, count_parts(&path)).display(),
                 stray.display()
             ));
         }
-        let codec = Codec::new(metadata.rig.clone(), metadata.reference);
-        let path = path.to_owned();
-        let mut recording = Self {
-            path,
-            metadata,
-            codec,
-            parts,
-            scans: BTreeMap::new(),
-            notes,
-            spare: Vec::new(),
-            lost_bytes: 0,
-        };
-        recording.find_scans();
-        Ok(recording)
+        Ok(())
+    }
+
+    /// Says what is to be said of how the parts were written.
+    fn look_at_parts(&mut self) {
+        for part in &self.parts {
+            let path = part.path.display();
+            if !part.contents.is_finished {
+                let torn = part.bytes - part.contents.whole_until;
+                self.notes.push(format!(
+                    "{path} is unfinished: its writer ended before it; {torn} torn bytes at its end are left out",
+                ));
+            }
+            if part.contents.has_damaged_index {
+                self.notes.push(format!(
+                    "{path} has a damaged index; what it holds was found by reading it"
+                ));
+            }
+            if !part.prefix.common.is_empty() {
+                let prefix = &part.prefix.common;
+                self.remarks.push(format!(
+                    "topics in {path} are named {prefix}…, which is left out here"
+                ));
+            }
+            if !part.prefix.others.is_empty() {
+                self.lacks_scans = true;
+                let (common, others) = (&part.prefix.common, part.prefix.others.join("…, "));
+                self.notes.push(format!(
+                    "{path} holds several recordings, by their topics' names {common}… and {others}…: only those of \
+                     {common}… are read as one"
+                ));
+            }
+        }
     }
 
     fn find_scans(&mut self) {
+        let mut seen = Vec::new();
         for (number, part) in self.parts.iter_mut().enumerate() {
-            let Part {
-                path,
-                file,
-                contents,
-                ..
-            } = part;
-            if let Some(order) = order(contents) {
-                let mut order = order.into_iter();
-                let (mut latest, mut scan) = (None, 0);
-                for (chunk, index) in contents.chunks.iter().enumerate() {
-                    let nanos = index.message_start_time;
-                    if latest != Some(nanos) {
-                        latest = Some(nanos);
-                        scan = order.next().unwrap_or_default();
-                    }
-                    let held = self.scans.entry(scan).or_default();
-                    held.nanos = nanos;
-                    held.places.push(Place {
-                        part: number,
-                        chunk,
-                    });
-                }
-                continue;
-            }
-            for (chunk, index) in contents.chunks.iter().enumerate() {
-                match sequences(file, index) {
-                    Ok(sequences) => {
-                        for (sequence, nanos) in sequences {
-                            let held = self.scans.entry(sequence).or_default();
-                            held.nanos = nanos;
-                            held.places.push(Place {
-                                part: number,
-                                chunk,
-                            });
-                        }
-                    }
-                    Err(error) => {
-                        self.lost_bytes += index.chunk_length;
+            for sighting in sightings(number, part) {
+                match sighting {
+                    Ok(sighting) => seen.push(sighting),
+                    Err((offset, bytes, error)) => {
+                        self.lost_bytes += bytes;
                         self.notes.push(format!(
-                            "{} is damaged at byte {}: {error}",
-                            path.display(),
-                            index.chunk_start_offset
+                            "{} is damaged at byte {offset}: {error}",
+                            part.path.display(),
                         ));
                     }
                 }
             }
+        }
+        let parts = &self.parts;
+        // Topics that only other programs have make no scan.
+        let is_ours = |sighting: &Sighting| {
+            let part = &parts[sighting.place.part];
+            part.foreign.is_empty() || part.topics(&sighting.place).any(is_ours)
+        };
+        let (own, foreign) = seen.into_iter().partition(is_ours);
+        self.scans = Scans::of(own, |place| parts[place.part].topics(place));
+        self.number_by_statistics();
+        self.add_foreign(foreign);
+    }
+
+    /// Where numbers in the file tell nothing, the scans' own statistics may.
+    fn number_by_statistics(&mut self) {
+        if self.scans.key == Key::Sequence {
+            return;
+        }
+        let said = |(scan, statistics): (u64, Option<Scan>)| {
+            let bytes = statistics.as_ref()?.message("statistics")?;
+            let value: serde_json::Value = serde_json::from_slice(bytes).ok()?;
+            Some((scan, value.get("scan")?.as_u64()?))
+        };
+        let scans: Vec<u64> = self.scans.held.keys().copied().collect();
+        let read = |scan| (scan, self.scan_of(scan, |topic| topic == "statistics").ok());
+        let numbers: BTreeMap<u64, u64> = scans.into_iter().map(read).filter_map(said).collect();
+        let text = match self.scans.renumber(&numbers) {
+            true => {
+                "its messages do not have the scans' numbers any more: those that the statistics say are taken"
+            }
+            false => {
+                "its messages do not have the scans' numbers any more: scans are counted in order of time, from 0"
+            }
+        };
+        self.remarks.push(text.to_owned());
+    }
+
+    /// Messages of topics that recordings do not have go with the scan of their number and time, where there is one.
+    fn add_foreign(&mut self, sightings: Vec<Sighting>) {
+        if sightings.is_empty() {
+            return;
+        }
+        let key = self.scans.key;
+        let place = |sequence: u64, nanos: u64| match key {
+            Key::Time => (nanos, 0),
+            _ => (nanos, sequence),
+        };
+        let scans = self.scans.held.iter();
+        let by_place: BTreeMap<(u64, u64), u64> = scans
+            .map(|(number, held)| (place(held.sequence, held.nanos), *number))
+            .collect();
+        let mut left_out = BTreeSet::new();
+        for sighting in sightings {
+            let number = by_place.get(&place(sighting.sequence, sighting.nanos));
+            match number.and_then(|number| self.scans.held.get_mut(number)) {
+                Some(held) => held.add(sighting.place),
+                None => left_out.extend(self.parts[sighting.place.part].topics(&sighting.place)),
+            }
+        }
+        if !left_out.is_empty() {
+            let topics = left_out.into_iter().collect::<Vec<_>>().join(", ");
+            self.remarks.push(format!(
+                "messages of other programs are of no scan and are left out: {topics}"
+            ));
         }
     }
 
@@ -397,6 +526,26 @@ impl Recording {
         &self.metadata
     }
 
+    /// Takes these settings for its own, where it says none; with what they say of a rail.
+    pub fn suppose(&mut self, configuration: serde_json::Value) {
+        let said = |key: &str| {
+            configuration
+                .get("capture")
+                .and_then(|table| table.get(key))
+        };
+        if let Some(rail) = &mut self.metadata.rig.rail {
+            rail.stride = said("stride")
+                .and_then(|s| s.as_u64())
+                .unwrap_or(rail.stride);
+            rail.drift_px = said("drift")
+                .and_then(|d| d.as_f64())
+                .unwrap_or(rail.drift_px);
+        }
+        self.metadata.configuration = configuration;
+        let Metadata { rig, reference, .. } = &self.metadata;
+        self.codec = Codec::new(rig.clone(), *reference);
+    }
+
     /// What turns its messages back.
     pub fn codec(&self) -> &Codec {
         &self.codec
@@ -407,13 +556,26 @@ impl Recording {
         &self.notes
     }
 
+    /// How it was read, where that is not as this program writes it, a sentence each: nothing is missing for that.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+
+    /// Whether scans are known to be missing, or cannot be read: what is made of it is then less than it was.
+    pub fn lacks_scans(&self) -> bool {
+        self.lacks_scans || self.unreadable_bytes() > 0
+    }
+
     /// Whether all its parts are finished.
     pub fn is_complete(&self) -> bool {
         self.parts.iter().all(|part| part.contents.is_finished) && self.notes.is_empty()
     }
 
-    /// The ledger of the run, which a finished recording has.
+    /// The ledger of the run, which a finished recording has; the account of one run is not that of several.
     pub fn ledger(&self) -> Option<Ledger> {
+        if self.merged > 1 {
+            return None;
+        }
         let records = self.parts.iter().flat_map(|part| &part.contents.metadata);
         records
             .filter(|(_, record)| record.name == LEDGER)
@@ -437,23 +599,19 @@ impl Recording {
 
     /// The scans it holds, in order.
     pub fn scans(&self) -> impl DoubleEndedIterator<Item = u64> + ExactSizeIterator {
-        self.scans.keys().copied()
+        self.scans.held.keys().copied()
     }
 
     /// When a scan was taken, in nanoseconds since 1970.
     pub fn nanos(&self, scan: u64) -> Option<u64> {
-        self.scans.get(&scan).map(|held| held.nanos)
+        self.scans.held.get(&scan).map(|held| held.nanos)
     }
 
     /// Of every scan which topics it has.
     pub fn topics_by_scan(&self) -> impl Iterator<Item = (u64, BTreeSet<&str>)> {
-        self.scans.iter().map(|(sequence, held)| {
-            let topics = held.places.iter().flat_map(|place| {
-                let contents = &self.parts[place.part].contents;
-                let ids = contents.chunks[place.chunk].message_index_offsets.keys();
-                ids.filter_map(|id| contents.channels.get(id))
-                    .map(|c| c.topic.as_str())
-            });
+        self.scans.held.iter().map(|(sequence, held)| {
+            let places = held.places.iter();
+            let topics = places.flat_map(|place| self.parts[place.part].topics(place));
             (*sequence, topics.collect())
         })
     }
@@ -591,7 +749,8 @@ impl Recording {
         wanted: impl Fn(&str) -> bool,
         mut on_damage: impl FnMut(ReadError, u64) -> Result<(), ReadError>,
     ) -> Result<Scan, ReadError> {
-        let Some(held) = self.scans.get(&sequence) else {
+        let key = self.scans.key;
+        let Some(held) = self.scans.held.get(&sequence) else {
             return Err(ReadError::NoScan {
                 scan: sequence,
                 held: self.held(),
@@ -602,49 +761,61 @@ impl Recording {
             nanos: held.nanos,
             ..Scan::default()
         };
-        let mut seen = BTreeSet::new();
+        let mut seen: BTreeMap<String, usize> = BTreeMap::new();
         for place in &held.places {
-            let Part {
-                path,
-                file,
-                contents,
-                ..
-            } = &mut self.parts[place.part];
-            let index = &contents.chunks[place.chunk];
-            let topic = |id: &u16| contents.channels.get(id).map(|c| c.topic.as_str());
-            if !index
-                .message_index_offsets
-                .keys()
-                .filter_map(topic)
-                .any(&wanted)
-            {
+            let part = &mut self.parts[place.part];
+            if !part.topics(place).any(&wanted) {
                 continue;
             }
-            let chunk = match Chunk::load(file, index, &mut self.spare) {
+            let loaded = self
+                .shelf
+                .load(&mut part.file, &part.contents, place, &mut self.spare);
+            let chunk = match loaded {
                 Ok(chunk) => chunk,
                 Err(source) => {
-                    let offset = index.chunk_start_offset;
-                    let path = path.clone();
+                    let (offset, bytes) = part.contents.span(place.block);
+                    let path = part.path.clone();
                     let error = ReadError::Damaged {
                         path,
                         offset,
                         source,
                     };
-                    on_damage(error, index.chunk_length)?;
+                    on_damage(error, bytes)?;
                     continue;
                 }
             };
-            let place = scan.chunks.len();
-            for (header, range) in chunk.messages {
-                let Some(topic) = topic(&header.channel_id) else {
+            let mut taken = Vec::new();
+            for (header, range) in chunk.messages() {
+                let Some(channel) = part.contents.channels.get(&header.channel_id) else {
                     continue;
                 };
-                let is_of_scan = u64::from(header.sequence) == sequence && wanted(topic);
-                if is_of_scan && (is_repeated(topic) || seen.insert(topic.to_owned())) {
-                    scan.messages.push((topic.to_owned(), place, range));
+                let topic = &channel.topic;
+                let key = match part.foreign.contains(&header.channel_id) {
+                    true => key.of_foreign(),
+                    false => key,
+                };
+                if held.has(key, header.sequence, header.log_time) && wanted(topic) {
+                    taken.push((topic.clone(), range.clone()));
                 }
             }
-            scan.chunks.push(chunk.bytes);
+            let (bytes, ranges) = chunk.take(taken.iter().map(|(_, range)| range), &mut self.spare);
+            let at = scan.chunks.len();
+            scan.chunks.push(bytes);
+            for ((topic, _), range) in taken.into_iter().zip(ranges) {
+                if let Some(&known) = seen.get(&topic) {
+                    let (_, chunk, first) = &scan.messages[known];
+                    if scan.chunks[*chunk][first.clone()] != scan.chunks[at][range]
+                        && self.codec.is_data(&topic)
+                    {
+                        scan.contradicted.push(topic);
+                    }
+                    continue;
+                }
+                if !is_repeated(&topic) {
+                    seen.insert(topic.clone(), scan.messages.len());
+                }
+                scan.messages.push((topic, at, range));
+            }
         }
         Ok(scan)
     }
@@ -686,6 +857,14 @@ impl Recording {
     }
 }
 
+/// What a file says it is.
+struct SaidItIs {
+    metadata: Metadata,
+    identity: Identity,
+    /// How many recordings others merged into it.
+    recordings: usize,
+}
+
 impl Part {
     fn open(path: &Path) -> Result<Self, ReadError> {
         let io_error = |source| ReadError::Io {
@@ -698,37 +877,110 @@ impl Part {
             return Err(io_error(io::ErrorKind::IsADirectory.into()));
         }
         let bytes = metadata.len();
-        match Contents::of(&mut file).map_err(io_error)? {
-            Some(contents) => Ok(Self {
-                path: path.to_owned(),
-                file,
-                bytes,
-                contents,
-            }),
-            None if is_beginning(&mut file, bytes) => Err(ReadError::Empty(path.to_owned())),
-            None => Err(ReadError::NotMcap(path.to_owned())),
+        let mut contents = match Contents::of(&mut file).map_err(io_error)? {
+            Some(contents) => contents,
+            None if is_beginning(&mut file, bytes) => {
+                return Err(ReadError::Empty(path.to_owned()));
+            }
+            None => return Err(ReadError::NotMcap(path.to_owned())),
+        };
+        let mut part = Self {
+            path: path.to_owned(),
+            looked: None,
+            foreign: BTreeSet::new(),
+            prefix: Prefix::default(),
+            bytes,
+            contents: Contents::default(),
+            file,
+        };
+        if !contents.is_indexed {
+            part.looked = Some(contents.look_through(&mut part.file));
+            let topics = contents.channels.values().map(|c| c.topic.as_str());
+            part.prefix = Prefix::of(topics);
+            for channel in contents.channels.values_mut() {
+                channel.topic = part.prefix.without(&channel.topic).to_owned();
+            }
+            let is_foreign = |channel: &&mcap::records::Channel| !is_ours(&channel.topic);
+            let foreign = contents.channels.values().filter(is_foreign);
+            part.foreign = foreign.map(|channel| channel.id).collect();
         }
+        part.contents = contents;
+        Ok(part)
     }
 
-    fn metadata(&self) -> Result<(Metadata, Identity), ReadError> {
-        let mut records = self.contents.metadata.iter().map(|(_, record)| record);
-        let Some(record) = records.find(|record| record.name == NAME) else {
-            let topics = self.contents.channels.values().map(|c| c.topic.as_str());
-            let topics: BTreeSet<_> = topics.collect();
-            let library = self.contents.library.clone();
-            if topics.is_empty() && (library.is_empty() || library.starts_with(NAME)) {
-                return Err(ReadError::Empty(self.path.clone()));
+    /// The topics that a scan has in a place.
+    fn topics<'a>(&'a self, place: &Place) -> impl Iterator<Item = &'a str> + use<'a> {
+        let contents = &self.contents;
+        let ids: Vec<u16> = match (&place.channels, place.block) {
+            (Some(channels), _) => channels.to_vec(),
+            (None, Block::Chunk(chunk)) => {
+                let offsets = &contents.chunks[chunk].message_index_offsets;
+                offsets.keys().copied().collect()
             }
-            return Err(ReadError::Foreign {
+            (None, Block::Run(run)) => contents.runs[run].group.channels.clone(),
+        };
+        let channels = ids.into_iter().filter_map(|id| contents.channels.get(&id));
+        channels.map(|channel| channel.topic.as_str())
+    }
+
+    /// What it says about itself; `None` when that was left out of what is a recording otherwise.
+    fn metadata(&self) -> Result<Option<SaidItIs>, ReadError> {
+        let records = self.contents.metadata.iter().map(|(_, record)| record);
+        let own: Vec<_> = records.filter(|record| record.name == NAME).collect();
+        let mut all = Vec::new();
+        for record in own {
+            let said = Metadata::from_record(record).map_err(|source| ReadError::Metadata {
+                path: self.path.clone(),
+                source,
+            })?;
+            all.push(said);
+        }
+        let names: BTreeSet<&str> = all.iter().map(|(_, i)| i.recording.as_str()).collect();
+        let recordings = names.len();
+        let mixed = |what| ReadError::Mixed {
+            path: self.path.clone(),
+            count: recordings,
+            what,
+        };
+        let Some((first, others)) = all.split_first() else {
+            return self.without_metadata().map(|()| None);
+        };
+        for (other, _) in others {
+            if other.rig != first.0.rig {
+                return Err(mixed("rigs (views, channels, image size or calibration)"));
+            }
+            if other.computing() != first.0.computing() {
+                return Err(mixed("settings"));
+            }
+        }
+        let (metadata, identity) = first.clone();
+        Ok(Some(SaidItIs {
+            metadata,
+            identity,
+            recordings,
+        }))
+    }
+
+    /// Whether a file without our metadata is a recording all the same.
+    fn without_metadata(&self) -> Result<(), ReadError> {
+        let contents = &self.contents;
+        let topics = contents.channels.values().map(|c| c.topic.as_str());
+        let topics: BTreeSet<_> = topics.collect();
+        let library = contents.library.clone();
+        if topics.is_empty() && (library.is_empty() || library.starts_with(NAME)) {
+            return Err(ReadError::Empty(self.path.clone()));
+        }
+        // Only recordings have messages of ours.
+        let mut schemas = contents.schemas.values();
+        let prefix = format!("{NAME}.");
+        match schemas.any(|schema| schema.name.starts_with(&prefix)) {
+            true => Ok(()),
+            false => Err(ReadError::Foreign {
                 path: self.path.clone(),
                 library,
                 topics: topics.into_iter().collect::<Vec<_>>().join(", "),
-            });
-        };
-        Metadata::from_record(record).map_err(|source| ReadError::Metadata {
-            path: self.path.clone(),
-            source,
-        })
+            }),
+        }
     }
 }
 
@@ -762,34 +1014,4 @@ fn is_beginning(file: &mut File, bytes: u64) -> bool {
         && file.rewind().is_ok()
         && file.read_exact(&mut read).is_ok()
         && mcap::MAGIC.starts_with(&read)
-}
-
-/// The scans of a finished part in the order of its chunks, each as often as the time changes from chunk to chunk.
-fn order(contents: &Contents) -> Option<Vec<u64>> {
-    let mut records = contents.metadata.iter().map(|(_, record)| record);
-    let record = records.rfind(|record| record.name == ScanOrder::NAME)?;
-    let one_time = |index: &ChunkIndex| index.message_start_time == index.message_end_time;
-    let changes = |pair: &&[ChunkIndex]| pair[0].message_start_time != pair[1].message_start_time;
-    let chunks = &contents.chunks;
-    let count = chunks.windows(2).filter(changes).count() + usize::from(!chunks.is_empty());
-    let is_told = contents.is_finished && chunks.iter().all(one_time);
-    is_told.then(|| ScanOrder::from_record(record, count))?
-}
-
-/// The scans of a chunk, with their times.
-fn sequences(file: &mut File, index: &ChunkIndex) -> Result<BTreeMap<u64, u64>, mcap::McapError> {
-    // Our chunks hold one scan each: its first message tells it. Other programs may have packed them anew.
-    if index.message_start_time == index.message_end_time {
-        let first = first_sequence(file, index)?;
-        return Ok(first
-            .map(|s| (u64::from(s), index.message_start_time))
-            .into_iter()
-            .collect());
-    }
-    let chunk = Chunk::load(file, index, &mut Vec::new())?;
-    Ok(chunk
-        .messages
-        .iter()
-        .map(|(h, _)| (u64::from(h.sequence), h.log_time))
-        .collect())
 }

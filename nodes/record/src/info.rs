@@ -21,6 +21,8 @@ pub struct Info {
     pub complete: bool,
     /// What is wrong with it, a sentence each.
     pub notes: Vec<String>,
+    /// How it was read, where others rewrote it, a sentence each: nothing is missing for that.
+    pub remarks: Vec<String>,
     /// Version and build of the program that wrote it.
     pub version: String,
     /// Where its scans come from.
@@ -118,6 +120,7 @@ impl Info {
             path: recording.path().to_owned(),
             complete: recording.is_complete() && ledger.is_some(),
             notes: recording.notes().to_vec(),
+            remarks: recording.remarks().to_vec(),
             version: metadata.version.clone(),
             source: metadata.source.clone(),
             calibrated: camera.is_some_and(|camera| camera.calibrated),
@@ -162,7 +165,11 @@ impl Info {
     pub fn failures(&self) -> Vec<String> {
         let mut failures = self.notes.clone();
         if self.ledger.is_none() {
-            failures.push("the run did not come to its end: there is no ledger".to_owned());
+            let why = match self.configuration.is_object() {
+                true => "the run did not come to its end: there is no ledger",
+                false => "nobody knows whether the run came to its end: there is no ledger",
+            };
+            failures.push(why.to_owned());
         }
         failures.extend(self.faults.iter().cloned());
         let scans = &self.scans;
@@ -227,6 +234,9 @@ impl fmt::Display for Info {
         for note in &self.notes {
             writeln!(f, "  ! {note}")?;
         }
+        for remark in &self.remarks {
+            writeln!(f, "  · {remark}")?;
+        }
         if self.parts.len() > 1 || self.parts.iter().any(|part| !part.finished) {
             for part in &self.parts {
                 let state = if part.finished {
@@ -245,8 +255,13 @@ impl fmt::Display for Info {
         let line = |f: &mut fmt::Formatter<'_>, name: &str, value: &str| {
             writeln!(f, "  {name:<13} {value}")
         };
-        line(f, "written by", &format!("tricurve {}", self.version))?;
-        line(f, "source", &self.source)?;
+        let or_not = |known: &str, text: String| match known.is_empty() {
+            true => "not known".to_owned(),
+            false => text,
+        };
+        let by = or_not(&self.version, format!("tricurve {}", self.version));
+        line(f, "written by", &by)?;
+        line(f, "source", &or_not(&self.source, self.source.clone()))?;
         line(
             f,
             "size",
@@ -295,9 +310,15 @@ impl fmt::Display for Info {
         let ledger = match self.balanced {
             Some(true) => "balanced".to_owned(),
             Some(false) => format!("NOT BALANCED: {}", self.faults.join("; ")),
-            None => "none: the run did not come to its end".to_owned(),
+            None if self.configuration.is_object() => {
+                "none: the run did not come to its end".to_owned()
+            }
+            None => "none".to_owned(),
         };
         line(f, "ledger", &ledger)?;
+        if !self.configuration.is_object() {
+            line(f, "settings", "not known")?;
+        }
         if let serde_json::Value::Object(nodes) = &self.configuration {
             for (node, settings) in nodes {
                 line(

@@ -61,7 +61,8 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     );
     let writer = open(bus, &settings, &metadata, &encoder, start)?;
     let thread = spawn(writer, notify(bus)).map_err(RecordError::Thread)?;
-    let mut recorder = Recorder::new(encoder, thread, done, start.resume.done_below);
+    let done_below = start.resume.done_below.max(settings.skip);
+    let mut recorder = Recorder::new(encoder, thread, done, done_below);
     bus.ready()?;
     let recorded = record(bus, &mut recorder, &mut scans, &mut heard);
     // Whatever has happened, what was handed to the writer is written, and the file gets its end.

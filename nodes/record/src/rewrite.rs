@@ -19,7 +19,7 @@ use messages::record::{Beside, Codec, TRANSFORMS};
 use messages::recording::{
     FileSchema, Identity, Metadata, ReadError, Recording, Scan, ScanOrder, part_path,
 };
-use messages::{Curves, Kind, Stage, Tables, Topic};
+use messages::{Curves, Kind, Rig, Tables, Topic};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -128,6 +128,10 @@ pub struct Rewritten {
     pub messages: BTreeMap<String, u64>,
     /// Bytes of the inputs that could not be read.
     pub unreadable_bytes: u64,
+    /// Scans of which there are several messages of a topic that say different things: the first is written.
+    pub contradicted: u64,
+    /// Whether scans of an input are missing: what cannot be read, parts that are not there, what is contradicted.
+    pub lacks_scans: bool,
     /// What is the matter with the inputs, a sentence each.
     pub notes: Vec<String>,
 }
@@ -155,7 +159,7 @@ pub fn rewrite(
     }
     if let Some(other) = recordings
         .iter()
-        .find(|other| other.metadata().rig != recordings[0].metadata().rig)
+        .find(|other| !are_of_one_rig(other.metadata(), recordings[0].metadata()))
     {
         return Err(RewriteError::Rigs {
             one: recordings[0].path().to_owned(),
@@ -192,7 +196,8 @@ pub fn rewrite(
     let Some(first) = recordings.first() else {
         return Err(RewriteError::Nothing("nothing".to_owned()));
     };
-    let frame = Frame::of(first.metadata().clone(), &mut recordings, wanted.topic)?;
+    let (metadata, unknown) = common(first, &recordings);
+    let frame = Frame::of(metadata, &mut recordings, wanted.topic)?;
     let chosen = |recording: &Recording| -> Vec<u64> {
         recording
             .scans()
@@ -203,17 +208,22 @@ pub fn rewrite(
         .iter()
         .map(|recording| chosen(recording).len())
         .sum();
-    let codec = recordings[0].codec().clone();
+    let codec = Codec::new(frame.metadata.rig.clone(), frame.metadata.reference);
     let mut rewriter = Rewriter::new(out, frame, codec, wanted.split);
+    rewriter.done.notes.extend(unknown);
     let mut done = 0;
     let mut offset = 0;
     for recording in &mut recordings {
         let mut next = offset;
         let whole = recording.whole_scans();
         rewriter.done.unreadable_bytes += recording.unreadable_bytes();
+        rewriter.done.lacks_scans |= recording.lacks_scans();
+        let before = rewriter.done.contradicted;
         for scan in chosen(recording) {
             let (mut read, unreadable) = recording.salvage(scan)?;
             rewriter.done.unreadable_bytes += unreadable;
+            rewriter.done.contradicted += u64::from(!read.contradicted.is_empty());
+            rewriter.done.lacks_scans |= unreadable > 0 || !read.contradicted.is_empty();
             read.sequence = scan + offset;
             next = next.max(read.sequence + 1);
             rewriter.write(&read, wanted.topic)?;
@@ -222,10 +232,16 @@ pub fn rewrite(
             done += 1;
             (wanted.progress)(done, all);
         }
-        rewriter
-            .done
-            .notes
-            .extend(recording.notes().iter().cloned());
+        let notes = recording.notes().iter().chain(recording.remarks());
+        rewriter.done.notes.extend(notes.cloned());
+        let contradicted = rewriter.done.contradicted - before;
+        if contradicted > 0 {
+            rewriter.done.notes.push(format!(
+                "{contradicted} scans of {} have two different messages of a topic, as when recordings with the same \
+                 numbers and times are merged: only the first is written",
+                recording.path().display()
+            ));
+        }
         offset = next;
     }
     if rewriter.done.scans == 0 {
@@ -245,13 +261,63 @@ pub fn read_and_written<'a>(
     read.iter().find(is_both).cloned()
 }
 
-/// The first stage that two recordings were computed with different settings of.
+/// The first stage that two recordings were computed with different settings of, as far as they say it.
 fn differing_stage(one: &Metadata, other: &Metadata) -> Option<&'static str> {
-    let stages = Stage::ALL.into_iter().skip(1).map(Stage::name);
-    let of = |metadata: &Metadata, stage: &str| metadata.configuration.get(stage).cloned();
-    stages
-        .into_iter()
-        .find(|stage| of(one, stage) != of(other, stage))
+    if !one.knows_settings() || !other.knows_settings() {
+        return None;
+    }
+    let (one, other) = (one.computing().into_iter(), other.computing());
+    let pair = one.zip(other);
+    let differs =
+        |((stage, one), (_, other)): ((&'static str, _), (_, _))| (one != other).then_some(stage);
+    pair.into_iter().find_map(differs)
+}
+
+/// Whether two recordings are of one rig, as far as they say it: what is read from messages knows nothing of triples.
+fn are_of_one_rig(one: &Metadata, other: &Metadata) -> bool {
+    if one.knows_settings() && other.knows_settings() {
+        return one.rig == other.rig;
+    }
+    let camera = |rig: &Rig| {
+        let camera = rig.calibration(rig.size);
+        let baseline_m = if rig.rail.is_some() {
+            0.0
+        } else {
+            camera.baseline_m
+        };
+        [camera.focal_px, camera.cx, camera.cy, baseline_m]
+    };
+    let is_near = |(one, other): (f64, f64)| (one - other).abs() <= 1e-9 * one.abs().max(1.0);
+    let (one, other) = (&one.rig, &other.rig);
+    let mut cameras = camera(one).into_iter().zip(camera(other));
+    (&one.views, &one.channels, one.size, one.rail.is_some())
+        == (
+            &other.views,
+            &other.channels,
+            other.size,
+            other.rail.is_some(),
+        )
+        && cameras.all(is_near)
+}
+
+/// What recordings of one rig say about themselves together: settings only where all say them. With what is to be said of
+/// that.
+fn common(first: &Recording, all: &[Recording]) -> (Metadata, Option<String>) {
+    let knows = |recording: &&Recording| recording.metadata().knows_settings();
+    let Some(unknown) = all.iter().find(|recording| !knows(recording)) else {
+        return (first.metadata().clone(), None);
+    };
+    let fullest = all.iter().find(knows).unwrap_or(first);
+    let note = format!(
+        "{} does not say its settings, so that what is written says none: to replay it, give them",
+        unknown.path().display()
+    );
+    let metadata = Metadata {
+        graph: String::new(),
+        configuration: serde_json::Value::Null,
+        ..fullest.metadata().clone()
+    };
+    (metadata, Some(note))
 }
 
 /// What stands in every part besides the scans.

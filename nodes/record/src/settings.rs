@@ -54,5 +54,7 @@ messages::settings! {
         pub max_bytes: Option<u64> = None, in 1_000_000..=1e12;
         /// Seconds of recorded time after which the next scan goes into a new part; without it time does not matter.
         pub max_seconds: Option<f64> = None, in 0.1..=1e9;
+        /// Scans at the beginning that are not recorded: a replay plays them only because those after them depend on them.
+        pub skip: u64 = 0, in 0..=1e15;
     }
 }

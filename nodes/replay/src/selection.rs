@@ -12,6 +12,8 @@ pub struct Selection {
     pub scans: Vec<(u64, u64)>,
     /// How many scans of the range lack one of the topics.
     pub broken: usize,
+    /// How many of the scans, the first ones, are played only because those after them depend on them.
+    pub lead: usize,
 }
 
 /// What is to be selected.
@@ -25,6 +27,8 @@ pub struct Choice {
     pub first: u64,
     /// The recording's scan before which to end.
     pub end: Option<u64>,
+    /// How many scans before the first are replayed too, where they are there one after the other.
+    pub before: u64,
     /// Whether scans must have all that was recorded of others, not only what is taken.
     pub whole: bool,
 }
@@ -154,6 +158,7 @@ impl Selection {
             taken,
             first,
             end,
+            before,
             whole,
         } = choice;
         let rig = &recording.metadata().rig;
@@ -176,6 +181,7 @@ impl Selection {
             .filter(|scan| range.contains(scan))
             .count();
         let mut scans = recording.scans_with(&topics_of(&needed));
+        let playable = scans.clone();
         if whole {
             let all = recording.whole_scans();
             scans.retain(|scan| all.binary_search(scan).is_ok());
@@ -194,10 +200,19 @@ impl Selection {
                 }),
             });
         }
+        let broken = all - scans.len();
+        let first = scans[0].0;
+        let is_there = |scan: &u64| playable.binary_search(scan).is_ok();
+        let lead = (first.saturating_sub(before)..first).rev();
+        let lead = lead.take_while(is_there);
+        let lead = lead.filter_map(|scan| Some((scan, recording.nanos(scan)?)));
+        let mut lead: Vec<(u64, u64)> = lead.collect();
+        lead.reverse();
         Ok(Self {
             topics,
-            broken: all - scans.len(),
-            scans,
+            broken,
+            lead: lead.len(),
+            scans: [lead, scans].concat(),
         })
     }
 
@@ -242,6 +257,7 @@ mod tests {
             topics: Vec::new(),
             scans: numbers.iter().map(|number| (*number, *number)).collect(),
             broken: 0,
+            lead: 0,
         };
         let follows = |numbers: &[u64], depth| -> Vec<bool> {
             let selection = of(numbers);

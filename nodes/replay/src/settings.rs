@@ -17,6 +17,8 @@ messages::settings! {
         pub first: u64 = 0;
         /// The recording's scan before which to end; by default all are replayed.
         pub end: Option<u64> = None;
+        /// How many scans before these are played too where they are there, since what is computed of these depends on them.
+        pub before: u64 = 0, in 0..=1e6;
         /// Leave out scans that lack anything that was recorded of others, not only those that lack what is replayed.
         pub whole: bool = false;
         /// Times as fast as it was recorded; by default in lockstep, as fast as the graph goes.
@@ -45,6 +47,7 @@ impl Settings {
             taken,
             first: self.first,
             end: self.end,
+            before: self.before,
             whole: self.whole,
         }
     }

@@ -30,6 +30,8 @@ messages::settings! {
         pub first: u64 = 0;
         /// The recording's scan before which the replay ends.
         pub end: Option<u64> = None;
+        /// How many scans before these are played too where they are there: they are not compared.
+        pub before: u64 = 0, in 0..=1e6;
         /// Kinds of message that the recording does not hold: they are not compared.
         pub without: Vec<Kind> = Vec::new();
     }
@@ -60,14 +62,20 @@ pub struct Finding {
     pub first: Option<String>,
 }
 
-/// How many scans before a scan its messages of a kind depend on.
-pub(crate) fn depth(rig: &Rig, kind: Kind) -> u64 {
+/// How many scans before a scan its messages of a kind depend on, in a replay from this stage.
+pub fn depth(rig: &Rig, from: Stage, kind: Kind) -> u64 {
     let Some(rail) = rig.rail else {
         return 0;
     };
+    // Points that are played depend on nothing any more.
+    let reach = if from <= Stage::Match {
+        rail.reach()
+    } else {
+        0
+    };
     match kind.stage() {
-        Stage::Map => rail.reach() + rail.follow,
-        Stage::Match | Stage::Evaluate => rail.reach(),
+        Stage::Map => reach + rail.follow,
+        Stage::Match | Stage::Evaluate => reach,
         _ => 0,
     }
 }

@@ -40,6 +40,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Verif
             taken: bus.run().taken(),
             first: settings.first,
             end: settings.end,
+            before: settings.before,
             // What was not recorded cannot be compared.
             whole: true,
         },
@@ -53,13 +54,14 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Verif
     };
     bus.ready()?;
     while let Some(scan) = bus.next_scan(&mut scans)? {
-        if !findings.knows(scan.sequence) {
+        let is_lead = scan.sequence < selection.lead as u64;
+        if !is_lead && !findings.knows(scan.sequence) {
             let began = std::time::Instant::now();
             let (number, _) = selection.scan(scan.sequence);
             let recorded = recording.scan(number)?;
             for message in scan.messages() {
                 let (topic, header) = (message.topic(), message.header());
-                let depth = depth(&rig, topic.kind);
+                let depth = depth(&rig, settings.from, topic.kind);
                 if !selection.follows(scan.sequence, depth) {
                     findings.leave_out(topic);
                     continue;
