@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
+use messages::bus::Level;
 use messages::change::Change;
 use messages::recording::Recording;
 use messages::{Kind, Rig, Stage, Topic};
@@ -17,13 +18,15 @@ use crate::cli::{Profile, Replay as Args};
 use crate::graph::{Graph, Overrides};
 use crate::launcher::{Launch, launch};
 use crate::progress::Timeline;
+use crate::said::Early;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let path = std::path::absolute(&args.file).map_err(Failure::failed)?;
     let source = Recording::open(&path).map_err(Failure::failed)?;
+    let mut said = Early::default();
     for note in source.notes() {
-        crate::say!("replay: {note}");
+        said.say(Level::Info, "replay", note.to_string());
     }
     let from = Stage::from(args.from);
     let to = Stage::from(args.to);
@@ -44,9 +47,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         graph.has(name) && graph.settings_of(name).get(key) != then
     };
     if graph.has("evaluate") && is_other("match", "reference") {
-        crate::say!(
-            "replay: the recorded truth is of another reference view: nothing is evaluated"
-        );
+        let text = "the recorded truth is of another reference view: nothing is evaluated";
+        said.say(Level::Info, "replay", text);
         graph.remove("evaluate");
     }
     let choice = Choice {
@@ -60,7 +62,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let selection = Selection::of(&source, choice).map_err(Failure::failed)?;
     if selection.broken > 0 {
         let (broken, all) = (selection.broken, selection.broken + selection.scans.len());
-        crate::say!("replay: warning: {broken} of {all} scans are not whole and are left out");
+        let text = format!("{broken} of {all} scans are not whole and are left out");
+        said.say(Level::Warn, "replay", text);
     }
     let new_recording = recording(&mut graph)?;
     if let Some(new) = &new_recording {
@@ -94,6 +97,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         scans: selection.scans.iter().map_while(name).collect(),
         places: Vec::new(),
         sway: Vec::new(),
+        said: said.lines(),
         remarks: vec![("changed", json!(changed))],
         is_quiet: args.json,
         timeline: Some(Timeline(

@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 
 use capture::Source;
 use jiff::Timestamp;
+use messages::bus::Level;
 use messages::{Delivery, Rail, Rig, Size, Sway};
 use serde_json::{Value, json};
 
 use crate::cli::{Profile, Run as Args};
 use crate::graph::{Graph, Overrides};
 use crate::launcher::{Launch, launch};
+use crate::said::Early;
 use crate::{Failure, Outcome};
 
 /// The most scans whose names are recorded.
@@ -26,14 +28,16 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         places,
         sway,
         recording,
+        mut said,
     } = plan(args.graph.as_deref(), args.profile, &overrides(args)?)?;
-    say_notices(&source);
+    say_notices(&source, &mut said);
     let (ran, _) = launch(Launch {
         graph: &graph,
         rig,
         scans,
         places,
         sway,
+        said: said.lines(),
         remarks: Vec::new(),
         is_quiet: args.json,
         timeline: None,
@@ -60,6 +64,8 @@ pub(super) struct Planned {
     /// By how much each of a rail's frames is off, where it was looked at.
     pub(super) sway: Vec<Sway>,
     pub(super) recording: Option<PathBuf>,
+    /// What was said of it.
+    pub(super) said: Early,
 }
 
 /// Settles what only a run knows: its source, whether that knows the truth, the rig, where the recording goes.
@@ -81,7 +87,8 @@ pub(super) fn plan(
         graph.fill_in("capture", "start", now_nanos());
     }
     let source = open_source(&graph)?;
-    settle_rail(&mut graph, &source);
+    let mut said = Early::default();
+    settle_rail(&mut graph, &source, &mut said);
     settle_truth(&mut graph, &source)?;
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;
@@ -101,6 +108,7 @@ pub(super) fn plan(
         places,
         sway,
         recording,
+        said,
     })
 }
 
@@ -166,7 +174,7 @@ fn open_source(graph: &Graph) -> Result<Source, Failure> {
 }
 
 /// Settles what was found out about the rail, so that nobody has to find it out again, and that it is recorded.
-fn settle_rail(graph: &mut Graph, source: &Source) {
+fn settle_rail(graph: &mut Graph, source: &Source, said: &mut Early) {
     let Some(rail) = source.rail() else {
         graph.remove("map");
         return;
@@ -181,9 +189,10 @@ fn settle_rail(graph: &mut Graph, source: &Source) {
         && is_default
     {
         let least = (least - 0.25 * (most - least)).floor();
-        crate::say!(
-            "match: disparities go down to {least} px and are searched from there; set disparity_least"
+        let text = format!(
+            "disparities go down to {least} px and are searched from there; set match.disparity_least"
         );
+        said.say(Level::Info, "match", text);
         graph.fill_in("match", "disparity_least", f64::from(least));
     }
 }
@@ -201,12 +210,12 @@ fn settle_truth(graph: &mut Graph, source: &Source) -> Result<(), Failure> {
     Ok(())
 }
 
-fn say_notices(source: &Source) {
+fn say_notices(source: &Source, said: &mut Early) {
     for notice in source.notices() {
-        crate::say!("capture: {notice}");
+        said.say(Level::Info, "capture", notice.to_string());
     }
     for warning in source.warnings() {
-        crate::say!("capture: warning: {warning}");
+        said.say(Level::Warn, "capture", warning.to_string());
     }
 }
 
