@@ -183,6 +183,14 @@ impl Graph {
         Ok(())
     }
 
+    /// The node where scans come in.
+    pub(crate) fn source_name(&self) -> &'static str {
+        let mut nodes = self.nodes.iter().map(|(node, _)| node.name);
+        nodes
+            .find(|name| SOURCES.contains(name))
+            .unwrap_or("capture")
+    }
+
     /// The settings of the node where scans come in.
     pub(crate) fn source_settings(&self) -> &Value {
         let source = self

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use messages::bus::{self, NodePlan, Run};
+use messages::bus::{self, Log, NodePlan, Run};
 use messages::change::Change;
 use messages::{Rig, Sway};
 use serde_json::Value;
@@ -12,12 +12,9 @@ use crate::graph::Graph;
 use crate::node::Orders;
 use crate::parameters::Parameters;
 use crate::progress::{Progress, Timeline};
-use crate::rundir::{self, RunDir, SHARED_MEMORY};
+use crate::rundir::{self, RunDir};
 use crate::supervisor::{Duty, Ran, Supervisor, Watcher};
-
-/// How much of the worst case, every pixel a zero-crossing of a long curve, a scan can need: white noise, which no
-/// picture exceeds, has a zero-crossing at less than a third of its pixels in the finest channel allowed.
-const DENSEST: f64 = 1.0 / 3.0;
+use crate::{open_files, shared_memory};
 
 /// What is launched.
 pub(crate) struct Launch<'a> {
@@ -29,6 +26,8 @@ pub(crate) struct Launch<'a> {
     pub(crate) places: Vec<f64>,
     /// By how much each of a rail's frames is off, where it was looked at.
     pub(crate) sway: Vec<Sway>,
+    /// What was said before the start: the recording has it too.
+    pub(crate) said: Vec<Log>,
     /// What the recording says besides the graph's configuration, by key.
     pub(crate) remarks: Vec<(&'static str, Value)>,
     /// Says nothing while it runs.
@@ -65,6 +64,7 @@ pub(crate) fn launch_before(
         scans,
         places,
         sway,
+        said,
         remarks,
         changes,
         no_seek,
@@ -73,14 +73,15 @@ pub(crate) fn launch_before(
     let in_flight = graph.source_settings().get("in_flight");
     let run = Run {
         root: dir.path().to_owned(),
-        prefix: dir.prefix().to_owned(),
+        prefix: dir.bus_prefix(),
         rig,
         delivery: graph.settings.delivery,
         cameras: graph.has_cameras(),
         in_flight: in_flight.and_then(Value::as_u64).unwrap_or(1) as usize,
         nodes: graph.node_plans(),
     };
-    check_shared_memory(&run)?;
+    open_files::allow(&run)?;
+    shared_memory::check(&run, graph)?;
     let mut configuration = graph.configuration();
     if let Value::Object(configuration) = &mut configuration {
         for (key, value) in remarks {
@@ -99,13 +100,16 @@ pub(crate) fn launch_before(
         places,
         sway,
     };
-    orders.write(dir.path()).map_err(Failure::failed)?;
-    bus::write_changes(dir.path(), &changes)
+    orders
+        .write(&dir)
+        .and_then(|()| bus::write_changes(dir.path(), &changes))
         .map_err(|e| Failure::failed(format!("cannot write into the run's folder: {e}")))?;
     let parameters = Parameters::new(&orders.configuration, &changes);
     let duty = Duty {
         nodes,
-        folder: dir.path(),
+        dir,
+        orders,
+        said,
         restarts: graph.settings.restarts,
         patience: Duration::from_secs_f64(graph.settings.patience),
         parameters,
@@ -113,36 +117,5 @@ pub(crate) fn launch_before(
         guests,
         no_seek,
     };
-    let ran = Supervisor::run(duty, watcher)?;
-    Ok((ran, dir))
-}
-
-/// Says before the start when shared memory could run full: the kernel would kill a node in the middle of its work.
-fn check_shared_memory(run: &Run) -> Result<(), Failure> {
-    let free = rundir::free_bytes()
-        .map_err(|e| Failure::failed(format!("cannot look at {SHARED_MEMORY}: {e}")))?;
-    let need = (run.worst_case_bytes() as f64 * DENSEST) as u64;
-    if free >= need {
-        return Ok(());
-    }
-    let reach = run.rig.reach();
-    let each = need / (run.in_flight as u64 + reach);
-    let advice = match (free / each.max(1)).saturating_sub(reach) {
-        0 if reach > 0 => "make it larger (in a container: --shm-size), or --set map.apart=0, a shorter map.window, or leave [map] away in a graph file".to_owned(),
-        0 => "make it larger (in a container: --shm-size)".to_owned(),
-        fits => format!(
-            "make it larger (in a container: --shm-size), or --set capture.in_flight={fits}"
-        ),
-    };
-    let depended_on = match reach {
-        0 => String::new(),
-        _ => format!(" and {reach} before them that they depend on"),
-    };
-    Err(Failure::failed(format!(
-        "{} scans of {} under way{depended_on} can need {:.0} MB of shared memory, {SHARED_MEMORY} has {:.0} MB free: {advice}",
-        run.in_flight,
-        run.rig.size,
-        need as f64 / 1e6,
-        free as f64 / 1e6,
-    )))
+    Supervisor::run(duty, watcher)
 }

@@ -26,11 +26,14 @@ mod launcher;
 mod layout;
 mod node;
 mod offline;
+mod open_files;
 mod parameters;
 mod progress;
 mod registry;
 mod rundir;
 mod running;
+mod said;
+mod shared_memory;
 mod signals;
 mod snapshot;
 mod supervisor;
@@ -51,6 +54,8 @@ enum Outcome {
     Usage,
     /// It finished, but data was lost.
     Lost,
+    /// A node could not be part of the bus: what its launcher alone is told. Another process may fare better.
+    OffBus,
     /// It was aborted by a second signal.
     Aborted,
 }
@@ -62,6 +67,7 @@ impl Outcome {
             Self::Failed => 1,
             Self::Usage => 2,
             Self::Lost => 3,
+            Self::OffBus => 4,
             Self::Aborted => 130,
         }
     }

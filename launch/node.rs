@@ -4,11 +4,11 @@ use std::error::Error;
 use std::path::Path;
 
 use messages::Sway;
-use messages::bus::{Bus, NodePlan, Progress, Run, Start, complain, read_changes};
+use messages::bus::{self, Bus, Level, NodePlan, Progress, Run, Start, complain, read_changes};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::rundir::Share;
+use crate::rundir::{RunDir, Share};
 use crate::{Outcome, cli, registry};
 
 /// What the launcher leaves in the run's folder for its nodes.
@@ -29,11 +29,8 @@ pub(crate) struct Orders {
 impl Orders {
     const FILE: &str = "orders.json";
 
-    pub(crate) fn write(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        Ok(std::fs::write(
-            folder.join(Self::FILE),
-            serde_json::to_vec(self)?,
-        )?)
+    pub(crate) fn write(&self, dir: &RunDir) -> std::io::Result<()> {
+        dir.write(Self::FILE, &serde_json::to_vec(self)?)
     }
 
     pub(crate) fn read(folder: &Path) -> Result<Self, Box<dyn Error>> {
@@ -56,8 +53,13 @@ pub(crate) fn give_way() {
 pub(crate) fn run(args: &cli::Node) -> Outcome {
     match try_run(args) {
         Ok(()) => Outcome::Done,
+        // The launcher tries again, and says so.
+        Err(error) if bus::has_failed() => {
+            complain(Level::Warn, &args.name, error.to_string());
+            Outcome::OffBus
+        }
         Err(error) => {
-            complain(&args.name, error.to_string());
+            complain(Level::Error, &args.name, error.to_string());
             Outcome::Failed
         }
     }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use messages::bus::{self, Level};
 
+use crate::said::in_words;
 use crate::supervisor::Watcher;
 
 /// How often a plain line is written.
@@ -92,11 +93,7 @@ impl Watcher for Progress {
     }
 
     fn say(&mut self, level: Level, node: &str, text: &str) {
-        let line = match level {
-            Level::Info => format!("{node}: {text}"),
-            Level::Warn => format!("{node}: warning: {text}"),
-            Level::Error => format!("{node}: error: {text}"),
-        };
+        let line = in_words(level, node, text);
         match &self.bar {
             Some(bar) => bar.suspend(|| crate::say!("{line}")),
             None => crate::say!("{line}"),

@@ -7,7 +7,8 @@ use serde::Serialize;
 
 use crate::cli::BE_NODE;
 use crate::node::Orders;
-use crate::{Failure, rundir};
+use crate::rundir::{self, name_of};
+use crate::{Failure, open_files};
 
 /// A graph that runs.
 #[derive(Debug)]
@@ -80,10 +81,27 @@ impl Running {
                 "the graph {name} is just beginning or ending: {error}"
             ))
         })?;
+        open_files::allow_guest(&orders.run);
         Ok(Self {
             folder: folder.to_owned(),
             orders,
         })
+    }
+
+    /// Whether it is still there, and its nodes still share what a guest of it has joined.
+    pub(crate) fn goes_on(&self) -> bool {
+        rundir::goes_on(&self.folder, &self.orders.run.prefix)
+    }
+
+    /// Why a guest is not heard any more, of a graph that does not go on.
+    pub(crate) fn why_over(&self) -> String {
+        let name = self.name();
+        match rundir::is_alive(&self.folder) {
+            true => format!(
+                "all nodes of the graph {name} were started again: start this command again too"
+            ),
+            false => format!("the graph {name} has ended"),
+        }
     }
 
     pub(crate) fn name(&self) -> String {
@@ -115,8 +133,9 @@ impl Running {
             let at = words.iter().position(|word| word == name)?;
             words.get(at + 1)
         };
+        // By name: a folder that was removed may have been made anew elsewhere, since this process started.
         let is_ours = words.get(1).is_some_and(|word| word == BE_NODE)
-            && value("--run").is_some_and(|run| Path::new(run) == self.folder);
+            && value("--run").is_some_and(|run| name_of(Path::new(run)) == self.name());
         let node = words.get(2).filter(|_| is_ours)?.clone();
         // What follows the name in brackets: state, …, time in the program and in the kernel, in hundredths.
         let stat = fs::read_to_string(entry.join("stat")).ok()?;
@@ -146,11 +165,6 @@ fn alive() -> Result<Vec<PathBuf>, Failure> {
 
 fn none() -> Failure {
     Failure::failed("no graph of yours is running: start one with `tricurve run`")
-}
-
-fn name_of(run: &Path) -> String {
-    let name = run.file_name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
 }
 
 /// The kernel's letter in a word.

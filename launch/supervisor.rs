@@ -7,12 +7,13 @@
 //! ```
 
 mod asked;
+mod deaths;
+mod telling;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, BufReader, Write};
-use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::Path;
-use std::process::{Child, ChildStdin, Command as Process, ExitStatus, Stdio};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, ChildStdin, Command as Process, Stdio};
 use std::time::{Duration, Instant};
 
 use crossbeam::channel::{Receiver, RecvTimeoutError, Sender, unbounded};
@@ -20,19 +21,27 @@ use messages::bus::{Answer, Command, Event, Level, Log, NodeReport, Play, Playin
 use messages::change::Change;
 use messages::ledger::Ledger;
 
-use crate::asks::{self, Asked};
+use crate::asks::Asked;
 use crate::cli::BE_NODE;
 use crate::keys::{self, Key, Keys};
+use crate::node::Orders;
 use crate::parameters::Parameters;
+use crate::rundir::RunDir;
+use crate::said::Sayings;
 use crate::{Failure, Outcome};
 use asked::{Pending, Told};
+use deaths::end;
 
 /// What the supervisor is told.
-pub(crate) struct Duty<'a> {
+pub(crate) struct Duty {
     /// The nodes' names, along the pipe.
     pub(crate) nodes: Vec<String>,
     /// The run's folder.
-    pub(crate) folder: &'a Path,
+    pub(crate) dir: RunDir,
+    /// What lies in it for the nodes.
+    pub(crate) orders: Orders,
+    /// What was said before the start.
+    pub(crate) said: Vec<Log>,
     /// Restarts allowed before the next scan is done.
     pub(crate) restarts: u32,
     /// How long nothing may move.
@@ -92,6 +101,8 @@ struct Node {
     has_ports: bool,
     is_connected: bool,
     has_begun: bool,
+    /// The next line it is to get of what is said, if it records that.
+    listens: Option<u64>,
     report: Option<NodeReport>,
     has_finished: bool,
 }
@@ -113,7 +124,7 @@ impl Node {
 const GRACE: Duration = Duration::from_secs(60);
 
 pub(crate) struct Supervisor<'a, W> {
-    duty: Duty<'a>,
+    duty: Duty,
     watcher: &'a mut W,
     nodes: Vec<Node>,
     news: Receiver<News>,
@@ -122,6 +133,12 @@ pub(crate) struct Supervisor<'a, W> {
     restarts: BTreeMap<String, u32>,
     restarts_since_progress: u32,
     connecting: bool,
+    /// Whether the graph as a whole has begun once.
+    has_begun: bool,
+    /// Whether no process can join any more: what its nodes share was removed.
+    is_closed: bool,
+    next_look: Instant,
+    said: Sayings,
     signals: u32,
     is_draining: bool,
     moved: Instant,
@@ -136,12 +153,14 @@ pub(crate) struct Supervisor<'a, W> {
     curious: Vec<Sender<Answer>>,
     /// What the source was told to play otherwise and has not answered yet, in order.
     told: VecDeque<Told>,
-    trouble: Option<(Outcome, String)>,
+    /// How the run ends, when it ends badly; why was said.
+    trouble: Option<Outcome>,
 }
 
 impl<'a, W: Watcher> Supervisor<'a, W> {
     /// Runs the nodes until all scans are done, a signal ends them or something fails for good.
-    pub(crate) fn run(duty: Duty<'a>, watcher: &'a mut W) -> Result<Ran, Failure> {
+    /// Gives back the run's folder too: what nodes left there is there as long as that is held.
+    pub(crate) fn run(duty: Duty, watcher: &'a mut W) -> Result<(Ran, RunDir), Failure> {
         let (teller, news) = unbounded();
         let signals = signals(&teller)?;
         let keys = watcher
@@ -151,6 +170,8 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         if keys.is_some() {
             watcher.say(Level::Info, "launch", keys::HELP);
         }
+        let mut said = Sayings::default();
+        said.take_in(&duty.said);
         let mut supervisor = Self {
             duty,
             watcher,
@@ -161,6 +182,10 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             restarts: BTreeMap::new(),
             restarts_since_progress: 0,
             connecting: false,
+            has_begun: false,
+            is_closed: false,
+            next_look: Instant::now(),
+            said,
             signals: 0,
             is_draining: false,
             moved: Instant::now(),
@@ -173,18 +198,16 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             told: VecDeque::new(),
             trouble: None,
         };
-        let told = supervisor.teller.clone();
-        asks::listen(supervisor.duty.folder, move |asked| {
-            told.send(News::Asked(asked)).is_ok()
-        })
-        .map_err(|e| Failure::failed(format!("cannot listen in the run's folder: {e}")))?;
+        supervisor
+            .listen()
+            .map_err(|e| Failure::failed(format!("cannot listen in the run's folder: {e}")))?;
         let result = supervisor.supervise();
         for node in &mut supervisor.nodes {
             end(node);
         }
         signals.close();
         drop(keys);
-        result
+        Ok((result?, supervisor.duty.dir))
     }
 
     fn supervise(&mut self) -> Result<Ran, Failure> {
@@ -210,15 +233,11 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         let seconds = began.map_or(0.0, |began| began.elapsed().as_secs_f64());
         self.end_all()?;
         let mut result = self.result(Outcome::Done, seconds);
-        if let Some((outcome, text)) = self.trouble.take() {
-            self.watcher.say(Level::Error, "launch", &text);
+        if let Some(outcome) = self.trouble {
             result.outcome = outcome;
         }
-        for report in &result.reports {
-            if let Some(why) = &report.failed {
-                self.watcher.say(Level::Error, &report.node, why);
-                result.outcome = Outcome::Failed;
-            }
+        if result.reports.iter().any(|report| report.failed.is_some()) {
+            result.outcome = Outcome::Failed;
         }
         for fault in result.ledger.faults() {
             self.watcher.say(Level::Error, "ledger", &fault);
@@ -242,7 +261,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                     .map_err(cannot)?,
             )
             .arg("--run")
-            .arg(self.duty.folder)
+            .arg(self.duty.dir.path())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             // Its own process group: a terminal's Ctrl-C is for the launcher, which ends the nodes in order.
@@ -278,6 +297,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             has_ports: false,
             is_connected: false,
             has_begun: false,
+            listens: None,
             report: None,
             has_finished: false,
         })
@@ -301,16 +321,14 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             Ok(News::Signal | News::Key(Key::End)) => {
                 self.signals += 1;
                 if self.signals == 1 {
-                    self.watcher.say(
-                        Level::Info,
-                        "launch",
-                        "stopping: the pipe drains; once more aborts",
-                    );
+                    let text = "stopping: the pipe drains; once more aborts";
+                    self.say(Level::Info, "launch", text);
                     self.drain();
                 }
             }
             Ok(_) | Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
         }
+        self.look_after_folder();
         self.assemble();
         Ok(())
     }
@@ -319,7 +337,9 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         match event {
             Event::Ports => self.nodes[place].has_ports = true,
             Event::Connected => self.nodes[place].is_connected = true,
-            Event::Log(Log { level, node, text }) => self.watcher.say(level, &node, &text),
+            Event::Log(Log { level, node, text }) => self.say(level, &node, text),
+            Event::Listens => self.listens(place),
+            Event::Written { lines } => self.said.written(lines),
             Event::Progress(progress) => {
                 if progress.done_below > self.progress.done_below {
                     self.restarts_since_progress = 0;
@@ -342,6 +362,9 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                 self.nodes[place].report = Some(report);
             }
             Event::Finished(report) => {
+                if let Some(why) = &report.failed {
+                    self.say(Level::Error, &report.node, why.as_str());
+                }
                 self.nodes[place].report = Some(report);
                 self.nodes[place].has_finished = true;
                 self.noted(place);
@@ -351,71 +374,6 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             Event::Changed { count } if count >= self.duty.changes.len() => self.noted(place),
             Event::Changed { .. } => {}
         }
-    }
-
-    /// A node is dead: if it was killed it is restarted, if it gave up the run fails.
-    fn gone(&mut self, place: usize) -> Result<(), Failure> {
-        if self.nodes[place].has_finished {
-            return Ok(());
-        }
-        let status = end(&mut self.nodes[place]);
-        let (name, life) = (self.nodes[place].name.clone(), self.nodes[place].life);
-        let how = status.map_or("is gone".to_owned(), how_it_ended);
-        let gave_up = status.and_then(|s| s.code()) == Some(1);
-        if self.trouble.is_some() {
-            return Ok(());
-        }
-        let has_begun = self.nodes.iter().any(|n| n.has_begun);
-        if gave_up && has_begun && self.duty.guests.contains(&name) {
-            let text = format!("{name} cannot go on ({how}): the run goes on without it");
-            self.watcher.say(Level::Warn, "launch", &text);
-            self.nodes[place].has_finished = true;
-            self.noted(place);
-            return Ok(());
-        }
-        if gave_up || !has_begun {
-            let what = if gave_up {
-                "cannot go on"
-            } else {
-                "could not be started"
-            };
-            self.trouble = Some((
-                Outcome::Failed,
-                format!("{name} {what} ({how}): the run ends"),
-            ));
-            return Ok(());
-        }
-        self.restarts_since_progress += 1;
-        if self.restarts_since_progress > self.duty.restarts {
-            let text = format!(
-                "{name} {how}, after {} restarts without a scan done: the run gives up",
-                self.duty.restarts
-            );
-            self.trouble = Some((Outcome::Lost, text));
-            return Ok(());
-        }
-        *self.restarts.entry(name.clone()).or_default() += 1;
-        self.watcher.say(
-            Level::Warn,
-            "launch",
-            &format!("{name} {how}: it is restarted"),
-        );
-        if place == 0 && self.nodes[0].has_begun {
-            self.played = self.playing;
-        }
-        self.nodes[place] = self.spawn(place, life + 1)?;
-        // The new one reads what was changed.
-        self.noted(place);
-        if place == 0 {
-            // What its predecessor was told it does not know.
-            self.told.clear();
-        }
-        self.connecting = false;
-        for node in &mut self.nodes {
-            node.is_connected = false;
-        }
-        self.moved = Instant::now();
-        Ok(())
     }
 
     /// Brings all nodes to where everybody is connected and has begun.
@@ -435,7 +393,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         }
         if self.connecting && all_are_connected {
             self.connecting = false;
-            let is_restart = self.nodes.iter().any(|n| n.has_begun);
+            let is_restart = std::mem::replace(&mut self.has_begun, true);
             self.play_on();
             // The door opens last.
             for node in self.nodes.iter_mut().rev().filter(|n| !n.has_begun) {
@@ -488,24 +446,27 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                 .filter(|n| !n.has_finished && (!n.has_ports || !n.is_connected));
             let names: Vec<&str> = silent.map(|n| n.name.as_str()).collect();
             let text = format!("{} did not get ready: the run ends", names.join(", "));
-            self.trouble = Some((Outcome::Failed, text));
+            self.fail(Outcome::Failed, &text);
         } else if assembled && under_way > 0 && idle > 4 * self.duty.patience {
             let text = format!("nothing moves with {under_way} scans under way: the run gives up");
-            self.trouble = Some((Outcome::Lost, text));
+            self.fail(Outcome::Lost, &text);
         } else if assembled && under_way > 0 && idle > self.duty.patience && !self.has_resent {
             self.has_resent = true;
-            self.watcher.say(
-                Level::Warn,
-                "launch",
-                "nothing moves: the scans under way are sent once more",
-            );
+            let text = "nothing moves: the scans under way are sent once more";
+            self.say(Level::Warn, "launch", text);
             self.nodes[0].tell(&Command::Resend);
         }
     }
 
     /// Stops the nodes one by one along the pipe. One that is killed meanwhile is restarted, so that it ends in order.
     fn end_all(&mut self) -> Result<(), Failure> {
-        for place in 0..self.nodes.len() {
+        // Who records what is said comes last.
+        let mut places: Vec<usize> = (0..self.nodes.len()).collect();
+        places.sort_by_key(|place| self.nodes[*place].listens.is_some());
+        for place in places {
+            if self.nodes[place].listens.is_some() {
+                self.say_totals();
+            }
             let ledger = self.ledger();
             let mut told = None;
             let deadline = Instant::now() + GRACE;
@@ -521,8 +482,7 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                     break;
                 }
                 if self.signals > 1 {
-                    let text = "aborted before everything had ended".to_owned();
-                    self.trouble = Some((Outcome::Aborted, text));
+                    self.fail(Outcome::Aborted, "aborted before everything had ended");
                     return Ok(());
                 }
                 if Instant::now() > deadline {
@@ -530,13 +490,14 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
                         "{} did not end in time and was killed",
                         self.nodes[place].name
                     );
-                    self.trouble.get_or_insert((Outcome::Failed, text));
+                    self.fail(Outcome::Failed, &text);
                     break;
                 }
                 self.hear(Duration::from_millis(20))?;
             }
             end(&mut self.nodes[place]);
         }
+        self.say_totals();
         Ok(())
     }
 
@@ -563,33 +524,6 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
             restarts: self.restarts.clone(),
             seconds,
         }
-    }
-}
-
-/// Ends a node's process, by force if it lives, and reaps it.
-fn end(node: &mut Node) -> Option<ExitStatus> {
-    node.orders = None;
-    if let Ok(Some(status)) = node.child.try_wait() {
-        return Some(status);
-    }
-    // Its output has ended or it shall end at once: give it the time to exit by itself, then insist.
-    let deadline = Instant::now() + Duration::from_millis(300);
-    while Instant::now() < deadline {
-        if let Ok(Some(status)) = node.child.try_wait() {
-            return Some(status);
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    node.child.kill().unwrap_or_default();
-    node.child.wait().ok()
-}
-
-fn how_it_ended(status: ExitStatus) -> String {
-    match (status.code(), status.signal()) {
-        (_, Some(7)) => "was killed by SIGBUS: shared memory is full".to_owned(),
-        (_, Some(signal)) => format!("was killed by signal {signal}"),
-        (Some(code), None) => format!("ended with code {code}"),
-        (None, None) => "ended".to_owned(),
     }
 }
 

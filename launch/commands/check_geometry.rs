@@ -45,7 +45,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         false => Failure::failed(error),
     })?;
     if !args.json {
-        super::input::say(&source);
+        if let Some(table) = super::input::table(&source) {
+            crate::say!("{table}");
+        }
         for notice in source.notices() {
             crate::say!("{notice}");
         }

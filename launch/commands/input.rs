@@ -12,13 +12,6 @@ const NAME: usize = 44;
 /// The most scans whose files are recorded.
 const RECORDED: u64 = 10_000;
 
-/// Says how a source was read. Of a rendered scene there is nothing to say.
-pub(super) fn say(source: &Source) {
-    if let Some(table) = table(source) {
-        crate::say!("{}", table.trim_end());
-    }
-}
-
 /// What a recording keeps of it: how the images lay, and the files of each scan's views.
 pub(super) fn recorded(source: &Source) -> Option<Value> {
     let layout = source.layout()?;
@@ -46,7 +39,8 @@ fn view_names(count: usize) -> Vec<String> {
     }
 }
 
-fn table(source: &Source) -> Option<String> {
+/// How a source was read; of a rendered scene and of cameras there is nothing to say.
+pub(super) fn table(source: &Source) -> Option<String> {
     let layout = source.layout()?;
     let scenes = source.scenes();
     let mut text = String::new();
@@ -57,7 +51,7 @@ fn table(source: &Source) -> Option<String> {
     };
     let mut line = |line: String| writeln!(text, "{}", line.trim_end()).unwrap_or_default();
     line(format!(
-        "capture: read as {} ({layout}): {what}",
+        "read as {} ({layout}): {what}",
         layout.describe()
     ));
     // The first and the last ones; where only one would be left out it is shown.
@@ -86,7 +80,7 @@ fn table(source: &Source) -> Option<String> {
                 None => "  …".to_owned(),
             });
         }
-        return Some(text);
+        return Some(text.trim_end().to_owned());
     }
     let columns: Vec<Vec<String>> = shown
         .iter()
@@ -125,7 +119,7 @@ fn table(source: &Source) -> Option<String> {
             row(number + 1)
         ));
     }
-    Some(text)
+    Some(text.trim_end().to_owned())
 }
 
 /// The end of a name that is too long.

@@ -33,7 +33,7 @@ fn state(running: &Running) -> Result<State, Failure> {
     match answer(running, &Ask::State)? {
         Answer::State(state) => Ok(*state),
         Answer::Refused { why } => Err(Failure::failed(why)),
-        Answer::Done { text } => Err(Failure::failed(format!("it answers {text:?}"))),
+        answer => Err(Failure::failed(format!("it answers {answer:?}"))),
     }
 }
 
@@ -113,6 +113,6 @@ fn set(running: &Running, values: &[String]) -> Result<(), Failure> {
     match answer(running, &Ask::Set { values: set })? {
         Answer::Done { text } => super::print(&format!("{text}\n")),
         Answer::Refused { why } => Err(Failure::usage(why)),
-        Answer::State(_) => Ok(()),
+        Answer::State(_) | Answer::Said { .. } => Ok(()),
     }
 }

@@ -1,7 +1,7 @@
 //! `tricurve record`: records beside a graph that runs already.
 
 use std::io::IsTerminal as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ use signal_hook::consts::SIGUSR1;
 use super::rewrite::is_like;
 use crate::cli::Record as Args;
 use crate::running::Running;
-use crate::{Failure, Outcome, rundir, signals};
+use crate::{Failure, Outcome, signals};
 
 /// How often it is said how the recorder is doing.
 const LINE_EVERY: Duration = Duration::from_secs(2);
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         orders.graph.clone(),
         orders.scans.clone(),
     );
-    let mut wishes = Wishes::listen(&running.folder, args)?;
+    let mut wishes = Wishes::listen(&running, args)?;
     let recorder = Attach {
         run: &orders.run,
         metadata,
@@ -102,8 +102,8 @@ fn text(attached: &Attached) -> String {
 }
 
 /// What signals, keys and the end of the graph ask for.
-struct Wishes {
-    folder: PathBuf,
+struct Wishes<'a> {
+    running: &'a Running,
     end: Arc<AtomicBool>,
     snapshot: Arc<AtomicBool>,
     is_quiet: bool,
@@ -114,8 +114,8 @@ struct Wishes {
     gone: bool,
 }
 
-impl Wishes {
-    fn listen(folder: &Path, args: &Args) -> Result<Self, Failure> {
+impl<'a> Wishes<'a> {
+    fn listen(running: &'a Running, args: &Args) -> Result<Self, Failure> {
         let end = signals::flag(&signals::END)?;
         let snapshot = signals::flag(&[SIGUSR1])?;
         if args.snapshot.is_some() && std::io::stdin().is_terminal() {
@@ -131,7 +131,7 @@ impl Wishes {
                 .map_err(Failure::failed)?;
         }
         Ok(Self {
-            folder: folder.to_owned(),
+            running,
             end,
             snapshot,
             is_quiet: args.json,
@@ -161,7 +161,10 @@ impl Wishes {
         if now >= self.next_look {
             self.next_look = now + LOOK_EVERY;
             // Once more around, for what was said last.
-            self.gone = !rundir::is_alive(&self.folder);
+            self.gone = !self.running.goes_on();
+            if self.gone && !self.is_quiet {
+                crate::say!("record: {}", self.running.why_over());
+            }
         }
         match self.snapshot.swap(false, Ordering::Relaxed) {
             true => Wish::Snapshot,

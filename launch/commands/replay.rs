@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
+use messages::bus::Level;
 use messages::change::Change;
 use messages::recording::Recording;
 use messages::{Kind, Rig, Stage, Topic};
@@ -21,13 +22,15 @@ use crate::cli::{Profile, Replay as Args};
 use crate::graph::{Graph, Overrides};
 use crate::launcher::{Launch, launch};
 use crate::progress::Timeline;
+use crate::said::Early;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let path = std::path::absolute(&args.file).map_err(Failure::failed)?;
     let mut source = Recording::open(&path).map_err(Failure::failed)?;
+    let mut said = Early::default();
     for note in source.notes().iter().chain(source.remarks()) {
-        crate::say!("replay: {note}");
+        said.say(Level::Info, "replay", note.to_string());
     }
     let set = given::settings(args, &mut source)?;
     let from = Stage::from(args.from);
@@ -50,9 +53,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         graph.has(name) && graph.settings_of(name).get(key) != then
     };
     if graph.has("evaluate") && is_other("match", "reference") {
-        crate::say!(
-            "replay: the recorded truth is of another reference view: nothing is evaluated"
-        );
+        let text = "the recorded truth is of another reference view: nothing is evaluated";
+        said.say(Level::Info, "replay", text);
         graph.remove("evaluate");
     }
     let rig = rig(&graph, &source)?;
@@ -78,7 +80,8 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let played = selection.scans.len() - selection.lead;
     if selection.broken > 0 {
         let (broken, all) = (selection.broken, selection.broken + played);
-        crate::say!("replay: warning: {broken} of {all} scans are not whole and are left out");
+        let text = format!("{broken} of {all} scans are not whole and are left out");
+        said.say(Level::Warn, "replay", text);
     }
     graph.fill_in("record", "skip", selection.lead as u64);
     // What is not there of the part that is wanted is missing from what comes out.
@@ -114,6 +117,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         scans: selection.scans.iter().map_while(name).collect(),
         places: Vec::new(),
         sway: Vec::new(),
+        said: said.lines(),
         // Which files the images were is as true of what is made of them now.
         remarks: std::iter::once(("changed", json!(changed)))
             .chain(recorded.get("input").map(|input| ("input", input.clone())))

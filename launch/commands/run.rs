@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 
 use capture::{Source, Views};
 use jiff::Timestamp;
+use messages::bus::Level;
 use messages::{Delivery, Rail, Rig, Size, Sway};
 use serde_json::{Value, json};
 
 use crate::cli::{Profile, Run as Args};
 use crate::graph::{Graph, Overrides};
 use crate::launcher::{Launch, launch};
+use crate::said::Early;
 use crate::{Failure, Outcome};
 
 /// The most scans whose names are recorded.
@@ -26,15 +28,19 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         places,
         sway,
         recording,
+        mut said,
     } = plan(args.graph.as_deref(), args.profile, &overrides(args)?)?;
-    super::input::say(&source);
-    say_notices(&source);
+    if let Some(table) = super::input::table(&source) {
+        said.say(Level::Info, "capture", table);
+    }
+    say_notices(&source, &mut said);
     let (ran, _) = launch(Launch {
         graph: &graph,
         rig,
         scans,
         places,
         sway,
+        said: said.lines(),
         remarks: super::input::recorded(&source)
             .map(|input| ("input", input))
             .into_iter()
@@ -64,6 +70,8 @@ pub(super) struct Planned {
     /// By how much each of a rail's frames is off, where it was looked at.
     pub(super) sway: Vec<Sway>,
     pub(super) recording: Option<PathBuf>,
+    /// What was said of it.
+    pub(super) said: Early,
 }
 
 /// Settles what only a run knows: its source, whether that knows the truth, the rig, where the recording goes.
@@ -85,7 +93,8 @@ pub(super) fn plan(
         graph.fill_in("capture", "start", now_nanos());
     }
     let source = open_source(&graph)?;
-    settle_rail(&mut graph, &source);
+    let mut said = Early::default();
+    settle_rail(&mut graph, &source, &mut said);
     settle_truth(&mut graph, &source)?;
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;
@@ -105,6 +114,7 @@ pub(super) fn plan(
         places,
         sway,
         recording,
+        said,
     })
 }
 
@@ -186,7 +196,7 @@ fn open_source(graph: &Graph) -> Result<Source, Failure> {
 }
 
 /// Settles what was found out about the rail, so that nobody has to find it out again, and that it is recorded.
-fn settle_rail(graph: &mut Graph, source: &Source) {
+fn settle_rail(graph: &mut Graph, source: &Source, said: &mut Early) {
     let Some(rail) = source.rail() else {
         graph.remove("map");
         return;
@@ -201,9 +211,10 @@ fn settle_rail(graph: &mut Graph, source: &Source) {
         && is_default
     {
         let least = (least - 0.25 * (most - least)).floor();
-        crate::say!(
-            "match: disparities go down to {least} px and are searched from there; match.disparity_least says another"
+        let text = format!(
+            "disparities go down to {least} px and are searched from there; match.disparity_least says another"
         );
+        said.say(Level::Info, "match", text);
         graph.fill_in("match", "disparity_least", f64::from(least));
     }
 }
@@ -221,12 +232,12 @@ fn settle_truth(graph: &mut Graph, source: &Source) -> Result<(), Failure> {
     Ok(())
 }
 
-fn say_notices(source: &Source) {
+fn say_notices(source: &Source, said: &mut Early) {
     for notice in source.notices() {
-        crate::say!("capture: {notice}");
+        said.say(Level::Info, "capture", notice.to_string());
     }
     for warning in source.warnings() {
-        crate::say!("capture: warning: {warning}");
+        said.say(Level::Warn, "capture", warning.to_string());
     }
 }
 

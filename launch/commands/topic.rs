@@ -317,7 +317,7 @@ fn hear(
     mut take: impl FnMut(Received) -> Result<bool, Failure>,
 ) -> Result<(), Failure> {
     let began = Instant::now();
-    while began.elapsed() < time && crate::rundir::is_alive(&running.folder) {
+    while began.elapsed() < time && running.goes_on() {
         while let Some(message) = listener.message_now().map_err(Failure::failed)? {
             if !take(message)? {
                 return Ok(());

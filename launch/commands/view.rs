@@ -17,7 +17,7 @@ use crate::cli::View as Args;
 use crate::layout::{self, Checked, There};
 use crate::node::give_way;
 use crate::running::Running;
-use crate::{Failure, Outcome, rundir, signals};
+use crate::{Failure, Outcome, signals};
 
 /// How often it is looked whether the graph is still there.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -108,8 +108,8 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
         say_slow(&viewing.slow());
         if next_look <= Instant::now() {
             next_look = Instant::now() + LOOK_EVERY;
-            if !rundir::is_alive(&running.folder) {
-                crate::say!("view: the graph has ended");
+            if !running.goes_on() {
+                crate::say!("view: {}", running.why_over());
                 break;
             }
         }

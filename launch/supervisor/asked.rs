@@ -54,7 +54,11 @@ impl<W: Watcher> Supervisor<'_, W> {
                 let why = "the graph is paused: no scan comes that could be written".to_owned();
                 Some(Answer::Refused { why })
             }
-            Ask::Snapshot => snapshot::take(self.duty.folder, &reply).err(),
+            Ask::Snapshot => snapshot::take(self.duty.dir.path(), &reply).err(),
+            Ask::Said { from } => {
+                let (from, lines) = self.said.from(from);
+                Some(Answer::Said { from, lines })
+            }
         };
         if let Some(answer) = answer {
             reply.send(answer).unwrap_or_default();
@@ -140,8 +144,7 @@ impl<W: Watcher> Supervisor<'_, W> {
             Ok(changes) => changes,
             Err(why) => return Some(Answer::Refused { why }),
         };
-        let has_begun = self.nodes.iter().any(|node| node.has_begun);
-        if !has_begun || self.nodes[0].has_finished {
+        if !self.has_begun || self.nodes[0].has_finished {
             let why = "no scan will come that it could hold for".to_owned();
             return Some(Answer::Refused { why });
         }
@@ -181,6 +184,7 @@ impl<W: Watcher> Supervisor<'_, W> {
 
     /// So many scans went in, and none goes until every node has noted what holds from then on.
     pub(super) fn held(&mut self, admitted: u64) {
+        self.look_after_folder_now();
         let Some(pending) = self.pending.as_mut().filter(|p| p.waiting.is_none()) else {
             return;
         };
@@ -191,11 +195,7 @@ impl<W: Watcher> Supervisor<'_, W> {
         let before = self.duty.changes.len();
         self.duty.changes.extend(changes.iter().cloned());
         // A node that starts from now on reads them there.
-        let written = bus::write_changes(self.duty.folder, &self.duty.changes);
-        if let Err(error) = written {
-            let text = format!("cannot write into the run's folder: {error}");
-            self.trouble.get_or_insert((Outcome::Failed, text));
-        }
+        let written = bus::write_changes(self.duty.dir.path(), &self.duty.changes);
         let mut waiting = Vec::new();
         for (place, node) in self.nodes.iter_mut().enumerate() {
             if !node.has_finished {
@@ -208,11 +208,15 @@ impl<W: Watcher> Supervisor<'_, W> {
                 }
             }
         }
-        for change in &changes {
-            self.watcher.say(Level::Info, "launch", &change.to_string());
-        }
         pending.waiting = Some(waiting);
         pending.told = Instant::now();
+        for change in &changes {
+            self.say(Level::Info, &change.node, change.to_string());
+        }
+        if let Err(error) = written {
+            let text = format!("cannot write into the run's folder: {error}");
+            self.fail(Outcome::Failed, &text);
+        }
     }
 
     /// Ends the nodes that stand still while the door waits for them to note what was set.
@@ -224,15 +228,14 @@ impl<W: Watcher> Supervisor<'_, W> {
         };
         pending.told = Instant::now();
         for place in pending.late() {
-            let node = &mut self.nodes[place];
             let text = format!(
                 "{} has not noted what was set within {} s: it is ended",
-                node.name,
+                self.nodes[place].name,
                 patience.as_secs_f64()
             );
-            self.watcher.say(Level::Warn, "launch", &text);
+            self.say(Level::Warn, "launch", text);
             // Its death is heard elsewhere, and one that is dead already cannot be ended.
-            node.child.kill().unwrap_or_default();
+            self.nodes[place].child.kill().unwrap_or_default();
         }
     }
 

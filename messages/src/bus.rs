@@ -16,6 +16,7 @@
 
 mod ask;
 mod control;
+mod descriptors;
 mod doctor;
 mod frames;
 mod gate;
@@ -30,6 +31,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::rc::Rc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crossbeam::channel::{Receiver, Select};
@@ -50,6 +52,7 @@ pub use ask::{
     write_changes,
 };
 pub use control::{Command, Event, Level, Log, NodeReport, Play, Playing, Progress};
+pub use descriptors::OpenFiles;
 pub use doctor::Doctor;
 pub use frames::{FrameIn, FramesIn, FramesOut};
 pub use gate::Gate;
@@ -187,8 +190,17 @@ pub enum BusError {
     Unknown(String),
 }
 
+/// Whether the bus failed in this process, of which it is a part at most once.
+static HAS_FAILED: AtomicBool = AtomicBool::new(false);
+
+/// Whether it was the bus that failed in this process: then another one in its place may fare better.
+pub fn has_failed() -> bool {
+    HAS_FAILED.load(Ordering::Relaxed)
+}
+
 impl BusError {
     fn port(what: impl Into<String>, cause: impl std::fmt::Debug) -> Self {
+        HAS_FAILED.store(true, Ordering::Relaxed);
         Self::Port {
             what: what.into(),
             cause: format!("{cause:?}"),
@@ -330,6 +342,8 @@ pub struct Bus {
     reports: ports::Reports,
     book: Rc<RefCell<Book>>,
     changes: Rc<RefCell<Vec<Change>>>,
+    /// What was said and is not taken yet, and the number of the line that comes next.
+    said: (VecDeque<Log>, u64),
     /// How many times the node was started before.
     life: u32,
     subscribers: Vec<Rc<ports::DataSubscriber>>,
@@ -368,6 +382,7 @@ impl Bus {
             commands,
             reports,
             changes: Rc::new(RefCell::new(start.changes.clone())),
+            said: (VecDeque::new(), 0),
             life: start.life,
             waiting: VecDeque::new(),
             book: Rc::new(RefCell::new(Book {
@@ -486,14 +501,30 @@ impl Bus {
         })
     }
 
-    /// Hears what all nodes report; for who records it.
+    /// Hears what all nodes report, and gets every line that is [said](Self::said); for who records it.
     ///
     /// # Errors
     /// When the subscriber cannot be made.
     pub fn hear_reports(&mut self) -> Result<ReportsIn, BusError> {
+        control::say(&Event::Listens);
         Ok(ReportsIn {
             subscriber: self.ports.reports_in()?,
         })
+    }
+
+    /// A line that a node or the launcher said, in order from the first one on, whenever this node began to listen.
+    pub fn said(&mut self) -> Option<Log> {
+        self.said.0.pop_front()
+    }
+
+    /// The number of the first line that was not [taken](Self::said) yet.
+    pub fn said_until(&self) -> u64 {
+        self.said.1 - self.said.0.len() as u64
+    }
+
+    /// The lines before this number are on the disk: who takes this node's place need not record them.
+    pub fn has_written(&self, lines: u64) {
+        control::say(&Event::Written { lines });
     }
 
     /// A bell of this node's own inbox, made in the calling thread: for a thread that has news for the node.
@@ -643,6 +674,10 @@ impl Bus {
                     noted.extend(changes);
                     control::say(&Event::Changed { count: noted.len() });
                 }
+                Command::Said { from, lines } => {
+                    self.said.1 = from + lines.len() as u64;
+                    self.said.0.extend(lines);
+                }
                 Command::Stop { ledger } => {
                     // When all are done, those a successor never saw went through its predecessor.
                     if let Some(ledger) = ledger.as_ref().filter(|l| l.done == l.admitted) {
@@ -761,9 +796,9 @@ impl Bus {
 }
 
 /// Tells the launcher why this process fails; for who cannot go on.
-pub fn complain(node: &str, text: impl Into<String>) {
+pub fn complain(level: Level, node: &str, text: impl Into<String>) {
     control::say(&Event::Log(Log {
-        level: Level::Error,
+        level,
         node: node.to_owned(),
         text: text.into(),
     }));

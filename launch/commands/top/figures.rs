@@ -17,8 +17,8 @@ use crossbeam::channel::{Receiver, Sender, unbounded};
 use messages::bus::{self, Answer, Ask, Event, Guest, NodeReport, Progress, Reports, State};
 use serde::Serialize;
 
+use crate::Failure;
 use crate::running::{Process, Running};
-use crate::{Failure, rundir};
 
 /// How often the launcher is asked how things stand.
 const ASK_EVERY: Duration = Duration::from_millis(500);
@@ -259,7 +259,7 @@ impl Watch {
     }
 
     pub(super) fn is_alive(&self) -> bool {
-        rundir::is_alive(&self.running.folder)
+        self.running.goes_on()
     }
 
     /// Takes in what was said meanwhile.

@@ -132,7 +132,13 @@ impl Top {
                 self.watches[place].hear()?;
                 continue;
             }
-            let name = self.watches.remove(place).running.name();
+            let name = self.watches[place].running.name();
+            // All its nodes may have been started again, with new ways to hear them.
+            if let Ok(watch) = Running::choose(Some(&name)).and_then(Watch::start) {
+                self.watches[place] = watch;
+                continue;
+            }
+            self.watches.remove(place);
             if place < self.figures.len() {
                 self.figures.remove(place);
             }

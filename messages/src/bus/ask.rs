@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use crate::change::Change;
 
-use super::{Play, Playing, Progress};
+use super::{Log, Play, Playing, Progress};
 
 /// The longest line that is read, in bytes.
 pub const LONGEST_LINE: u64 = 1 << 20;
@@ -43,13 +43,18 @@ pub enum Ask {
     },
     /// Write the scans that come now to a file of their own.
     Snapshot,
+    /// What was said?
+    Said {
+        /// From the line of this number on.
+        from: u64,
+    },
 }
 
 impl Ask {
     /// How long the launcher may take; after that it says what it is waiting for.
     pub fn patience(&self) -> Duration {
         Duration::from_secs(match self {
-            Self::State | Self::Play { .. } => 5,
+            Self::State | Self::Play { .. } | Self::Said { .. } => 5,
             Self::Source => 10,
             Self::Snapshot => 40,
             // Nodes that do not note it are ended after `graph.patience`, and others take their places.
@@ -64,6 +69,13 @@ impl Ask {
 pub enum Answer {
     /// How everything is.
     State(Box<State>),
+    /// What was said, as much of it as goes into one answer.
+    Said {
+        /// The number of the first line: a later one than was asked for where older ones are not kept.
+        from: u64,
+        /// The lines.
+        lines: Vec<Log>,
+    },
     /// It is done, and what came of it.
     Done {
         /// In words.

@@ -41,6 +41,14 @@ pub enum Command {
         /// Which.
         changes: Vec<Change>,
     },
+    /// Lines were said, by anybody of the run: record them, and say [`Event::Written`] when they are on the disk. For who
+    /// said [`Event::Listens`].
+    Said {
+        /// The number of the first of them.
+        from: u64,
+        /// The lines.
+        lines: Vec<Log>,
+    },
     /// End.
     Stop {
         /// The whole run's account.
@@ -194,6 +202,13 @@ pub enum Event {
     Report(NodeReport),
     /// Something for the user.
     Log(Log),
+    /// It records what is said and wants all lines, those of before too.
+    Listens,
+    /// What was said before the line of this number is recorded.
+    Written {
+        /// The number.
+        lines: u64,
+    },
     /// It has done its work: the last report.
     Finished(NodeReport),
 }

@@ -56,7 +56,7 @@ type TextPublisher = Publisher<ipc::Service, [u8], Head>;
 type DataService = PortFactory<ipc::Service, [u64], Head>;
 
 /// Ports that viewers and further recorders may add to a running graph, per topic; address space only, until used.
-const GUESTS: usize = 6;
+pub(super) const GUESTS: usize = 6;
 /// Ports that a dead process may leave until it is cleaned up after.
 const DEAD: usize = 1;
 /// The longest report or log line, in bytes.

@@ -103,7 +103,7 @@ fn turn_parameters(run: &Run, server: &Server) -> Result<(), LiveError> {
 fn set(run: &Path, values: BTreeMap<String, Value>) -> Option<String> {
     match bus::ask(run, &Ask::Set { values }) {
         Ok(Answer::Refused { why }) => Some(why),
-        Ok(Answer::Done { .. } | Answer::State(_)) => None,
+        Ok(Answer::Done { .. } | Answer::State(_) | Answer::Said { .. }) => None,
         Err(error) => Some(format!("the launcher does not answer: {error}")),
     }
 }
@@ -365,7 +365,7 @@ impl<'a> Viewing<'a> {
                     let answer = match bus::ask(&root, &ask) {
                         Ok(Answer::Done { text }) => Ok(text),
                         Ok(Answer::Refused { why }) => Err(why),
-                        Ok(Answer::State(_)) => Ok(String::new()),
+                        Ok(Answer::State(_) | Answer::Said { .. }) => Ok(String::new()),
                         Err(error) => Err(format!("the launcher does not answer: {error}")),
                     };
                     reply.send(answer).unwrap_or_default();
@@ -409,7 +409,7 @@ impl<'a> Viewing<'a> {
             match bus::ask(&self.run.root, &Ask::Play { play }) {
                 Ok(Answer::Refused { why }) => self.log(Level::Warning, "bridge", &why),
                 // The source has done so: how it plays is what the launcher says now.
-                Ok(Answer::Done { .. } | Answer::State(_)) => {}
+                Ok(Answer::Done { .. } | Answer::State(_) | Answer::Said { .. }) => {}
                 Err(error) => {
                     let line = format!("the launcher does not answer: {error}");
                     self.log(Level::Warning, "bridge", &line);

@@ -7,8 +7,11 @@
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use messages::bus::{BusError, Guest, Joined, LOOK_EVERY, Run, read_changes};
+use messages::bus::{
+    Answer, Ask, BusError, Guest, Joined, LOOK_EVERY, Log, Run, ask, read_changes,
+};
 use messages::ledger::Ledger;
 
 use crate::{
@@ -127,6 +130,8 @@ pub fn attach(
     let mut recorder = Recorder {
         root: run.root.clone(),
         noted: 0,
+        last: None,
+        said: Said::default(),
         encoder,
         keep,
         spare: Vec::new(),
@@ -143,6 +148,7 @@ pub fn attach(
         }
         recorder.told.missed = guest.missed();
         recorder.hear_writer()?;
+        recorder.said.hear(run);
         match wish(&recorder.told) {
             Wish::Nothing if any => {}
             Wish::Nothing => std::thread::sleep(LOOK_EVERY),
@@ -178,11 +184,50 @@ fn keep(kept: &mut VecDeque<Batch>, seconds: f64, batch: Batch) -> Vec<Batch> {
     gone
 }
 
+/// How often the launcher is asked what was said.
+const ASK_EVERY: Duration = Duration::from_secs(1);
+
+/// What was said in the run, from the first line on.
+#[derive(Debug, Default)]
+struct Said {
+    /// What is not in the recording yet.
+    lines: Vec<Log>,
+    /// The next line that is to be asked for.
+    next: u64,
+    asked: Option<Instant>,
+}
+
+impl Said {
+    /// Asks the launcher, now and then.
+    fn hear(&mut self, run: &Run) {
+        if self.asked.is_some_and(|asked| asked.elapsed() < ASK_EVERY) {
+            return;
+        }
+        self.asked = Some(Instant::now());
+        // A launcher that has ended says nothing more.
+        while let Ok(Answer::Said { from, lines }) = ask(&run.root, &Ask::Said { from: self.next })
+            && !lines.is_empty()
+        {
+            self.next = from + lines.len() as u64;
+            self.lines.extend(lines);
+        }
+    }
+
+    fn write(&mut self, encoder: &Encoder, batch: &mut Batch) {
+        for Log { level, node, text } in self.lines.drain(..) {
+            encoder.log(level.into(), &node, &text, batch);
+        }
+    }
+}
+
 struct Recorder {
     /// The run's folder.
     root: PathBuf,
     /// How many changes of settings are in the recording.
     noted: usize,
+    /// Number and time of the last scan handed to the writer.
+    last: Option<(u64, u64)>,
+    said: Said,
     encoder: Encoder,
     keep: Keep,
     spare: Vec<Batch>,
@@ -206,6 +251,8 @@ impl Recorder {
         match &mut self.keep {
             Keep::File(thread) => {
                 self.told.behind += 1;
+                self.last = Some((batch.sequence(), batch.nanos()));
+                self.said.write(&self.encoder, &mut batch);
                 thread.write(batch);
             }
             Keep::Memory(memory) => {
@@ -254,6 +301,14 @@ impl Recorder {
         match self.keep {
             Keep::Memory(_) => Ok(self.told),
             Keep::File(thread) => {
+                if let Some((sequence, nanos)) = self.last
+                    && !self.said.lines.is_empty()
+                {
+                    let mut batch = self.spare.pop().unwrap_or_default();
+                    batch.close(sequence, nanos);
+                    self.said.write(&self.encoder, &mut batch);
+                    thread.write(batch);
+                }
                 let written = thread.finish(Some(&account(self.told.scans)))?;
                 self.told.behind = 0;
                 self.told.bytes = written.bytes;

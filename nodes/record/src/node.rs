@@ -2,6 +2,7 @@
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -13,6 +14,7 @@ use messages::ledger::{Ledger, Seen};
 use messages::record::Level;
 use messages::{Reference, Rig};
 
+use crate::writer::now_nanos;
 use crate::{
     Batch, Encoder, Metadata, Report, SealError, Settings, WriteError, Writer, WriterThread,
     Written, encoder, spawn,
@@ -37,6 +39,9 @@ pub enum RecordError {
 
 /// How often the ledger goes into the recording.
 const LEDGER_EVERY: Duration = Duration::from_secs(1);
+
+/// In the run's folder: the recording is begun.
+const BEGUN: &str = "recording";
 
 /// Scans that are encoded before the disk has taken them: one that is being written, one that waits, one in the making.
 /// More that came while the disk was slow would cost memory, and stay where they are meanwhile: in shared memory.
@@ -84,6 +89,9 @@ fn record(
         recorder.hear_writer(bus)?;
         while let Some(event) = heard.receive()? {
             recorder.hear_node(event);
+        }
+        while let Some(line) = bus.said() {
+            recorder.log.push(line);
         }
         if recorder.under_way.len() < BATCHES
             && let Some(scan) = bus.scan_now(scans)?
@@ -149,8 +157,14 @@ fn open(
     start: &Start,
 ) -> Result<Writer, WriteError> {
     let path = Path::new(&settings.file);
-    if start.life == 0 {
-        return Writer::create(path, settings.overwrite, metadata, encoder, settings);
+    // What a recorder began that died before any scan came is begun again, over what it left; only that, since who died
+    // even earlier left what was there before.
+    let mark = bus.run().root.join(BEGUN);
+    if start.resume.admitted == 0 {
+        let overwrite = settings.overwrite || mark.exists();
+        let writer = Writer::create(path, overwrite, metadata, encoder, settings)?;
+        File::create(&mark).map(drop).unwrap_or_default();
+        return Ok(writer);
     }
     let (writer, sealed) = Writer::resume(path, metadata, encoder, settings)?;
     for part in sealed.iter().filter(|part| !part.was_finished) {
@@ -185,14 +199,16 @@ struct Recorder {
     done: Finisher,
     /// Batches to be used again.
     spare: Vec<Batch>,
-    /// Scans handed to the writer, and what encoding each took.
-    under_way: BTreeMap<u64, Duration>,
+    /// Scans handed to the writer, what encoding each took, and up to which line it holds what was said.
+    under_way: BTreeMap<u64, (Duration, u64)>,
     /// Scans written and flushed.
     flushed: Seen,
     /// Number and time of the last scan handed to the writer.
     last: Option<(u64, u64)>,
-    /// What the nodes said since the last scan.
+    /// What was said since the last scan.
     log: Vec<Log>,
+    /// The lines before this one are on the disk.
+    written: u64,
     /// Whether recording has stopped, because the disk has no more room.
     has_stopped: bool,
     /// How many changes of settings are in the recording.
@@ -215,6 +231,7 @@ impl Recorder {
             spare: Vec::new(),
             under_way: BTreeMap::new(),
             log: Vec::new(),
+            written: 0,
             has_stopped: false,
             noted: 0,
             ledger: Ledger::default(),
@@ -247,11 +264,6 @@ impl Recorder {
         self.last = Some((batch.sequence(), batch.nanos()));
         let changes = bus.changes();
         if changes.len() > self.noted {
-            for change in &changes[self.noted..] {
-                let line = change.to_string();
-                self.encoder
-                    .log(Level::Info, &change.node, &line, &mut batch);
-            }
             self.noted = changes.len();
             batch.set_changes(changes.clone());
         }
@@ -270,19 +282,26 @@ impl Recorder {
             self.encoder.synchronisation(cameras, &mut batch);
         }
         self.thread.write(batch);
-        self.under_way.insert(scan.sequence, began.elapsed());
+        let encoded = (began.elapsed(), bus.said_until());
+        self.under_way.insert(scan.sequence, encoded);
         Ok(())
     }
 
     /// Hands to the writer what was said since the last scan and how the run's ledger came out, and finishes the
     /// recording.
     fn finish(mut self, bus: &Bus, ledger: Option<&Ledger>) -> Result<Written, WriteError> {
-        if let Some((sequence, nanos)) = self.last.filter(|_| !self.has_stopped) {
+        // Why no scan came is worth recording too.
+        let is_worth_it = self.last.is_some() || !self.log.is_empty();
+        if is_worth_it && !self.has_stopped {
             let mut batch = self.spare.pop().unwrap_or_default();
+            let (sequence, nanos) = self.last.unwrap_or_else(|| (0, now_nanos()));
             batch.close(sequence, nanos);
             self.write_log(&mut batch);
             if let Some(ledger) = ledger {
                 self.encoder.ledger(ledger, &mut batch);
+                for fault in ledger.faults() {
+                    self.encoder.log(Level::Error, "ledger", &fault, &mut batch);
+                }
             }
             self.health.hear(&Event::Report(bus.report(&[])));
             self.encoder
@@ -310,9 +329,8 @@ impl Recorder {
     /// Takes in what a node reported or said.
     fn hear_node(&mut self, event: Event) {
         self.health.hear(&event);
-        if let Some(Event::Log(log)) = self.ledger.hear(event) {
-            self.log.push(log);
-        }
+        // Lines come from the launcher, which knows them all.
+        self.ledger.hear(event);
     }
 
     /// Says which scans are written and flushed.
@@ -341,7 +359,11 @@ impl Recorder {
                 self.leave_out(bus, sequence)?;
                 continue;
             }
-            let encoding = self.under_way.remove(&sequence).unwrap_or_default();
+            let (encoding, said) = self.under_way.remove(&sequence).unwrap_or_default();
+            if said > self.written {
+                self.written = said;
+                bus.has_written(said);
+            }
             bus.spent(encoding + duration);
             self.flushed.insert(sequence);
             self.done.done(sequence)?;

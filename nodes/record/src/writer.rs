@@ -563,7 +563,7 @@ impl Part {
 }
 
 /// Nanoseconds since 1970.
-fn now_nanos() -> u64 {
+pub(crate) fn now_nanos() -> u64 {
     let now = SystemTime::now().duration_since(UNIX_EPOCH);
     now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
 }

@@ -66,8 +66,19 @@ impl Kept {
         self.folder.join(tick.to_string())
     }
 
+    /// A file in the folder, which is made anew when somebody removed it.
+    fn create(&self, path: &Path) -> io::Result<fs::File> {
+        fs::File::create(path).or_else(|error| match error.kind() {
+            io::ErrorKind::NotFound => {
+                fs::create_dir_all(&self.folder)?;
+                fs::File::create(path)
+            }
+            _ => Err(error),
+        })
+    }
+
     pub(crate) fn keep(&self, tick: u64, scan: &Scan<Frame>) -> io::Result<()> {
-        let mut file = io::BufWriter::new(fs::File::create(self.path(tick))?);
+        let mut file = io::BufWriter::new(self.create(&self.path(tick))?);
         file.write_all(&scan.nanos.to_le_bytes())?;
         for frame in &scan.frames {
             file.write_all(&frame.position_m.to_le_bytes())?;
@@ -97,7 +108,8 @@ impl Kept {
 
     pub(crate) fn keep_pace(&self, pace: Pace) -> io::Result<()> {
         let bytes = [pace.last.to_le_bytes(), pace.interval.to_le_bytes()];
-        fs::write(self.folder.join("pace"), bytes.concat())
+        self.create(&self.folder.join("pace"))?
+            .write_all(&bytes.concat())
     }
 
     pub(crate) fn pace(&self) -> Pace {

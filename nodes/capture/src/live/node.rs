@@ -430,7 +430,9 @@ impl Watch {
         }
         self.next = now + LOOK_EVERY;
         if is_waiting {
+            // Nobody waits for the cameras: whether scans come again is not known, and not said.
             self.last = now;
+            self.said = None;
         }
         let silent = now - self.last;
         let account = cameras.account();
