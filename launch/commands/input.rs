@@ -50,10 +50,7 @@ pub(super) fn table(source: &Source) -> Option<String> {
         (None, scans) => format!("{scans} scans of {} views", source.view_count()),
     };
     let mut line = |line: String| writeln!(text, "{}", line.trim_end()).unwrap_or_default();
-    line(format!(
-        "read as {} ({layout}): {what}",
-        layout.describe()
-    ));
+    line(format!("read as {} ({layout}): {what}", layout.describe()));
     // The first and the last ones; where only one would be left out it is shown.
     let shown: Vec<Option<u64>> = match scenes {
         0..=5 => (0..scenes).map(Some).collect(),
