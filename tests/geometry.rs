@@ -494,7 +494,7 @@ fn cameras_that_were_calibrated_by_a_board_are_rectified_to_rows_that_match() {
     }
     assert!(
         ran.err
-            .contains("3 cameras, a folder each (left, centre, right), 48 images at 16 times")
+            .contains("3 cameras, a folder a camera (left, centre, right), 48 images at 16 times")
     );
     let svg = fs::read_to_string(world.path("board.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));

@@ -96,7 +96,7 @@ impl LiveRail {
         let step_m = step_m.ok_or(SourceError::NoStep)?;
         if settings.baseline.is_none() {
             notices.push(format!(
-                "at this speed and rate the camera moves {step_m} m from frame to frame; set baseline"
+                "at this speed and rate the camera moves {step_m} m from frame to frame; capture.baseline says another"
             ));
         }
         let stride = settings.stride.unwrap_or(1);

@@ -692,13 +692,13 @@ fn calibration(
     let unknown = match (known.focal_px, known.baseline_m) {
         (Some(_), Some(_)) => None,
         (None, Some(_)) => Some(format!(
-            "the focal length is unknown, {focal} px are assumed; set focal"
+            "the focal length is unknown, {focal} px are assumed; set capture.focal"
         )),
         (Some(_), None) => Some(format!(
-            "the baseline is unknown, {baseline} m are assumed; set baseline"
+            "the baseline is unknown, {baseline} m are assumed; set capture.baseline"
         )),
         (None, None) => Some(format!(
-            "no calibration, {focal} px and {baseline} m are assumed; set focal and baseline, camera_info or calibration"
+            "no calibration, {focal} px and {baseline} m are assumed; set capture.focal and capture.baseline, capture.camera_info or capture.calibration"
         )),
     };
     let unknown = unknown.map(|why| format!("depths are in arbitrary units: {why}"));

@@ -304,7 +304,7 @@ fn a_left_cameras_file_leaves_the_baseline_open() {
     assert_eq!(camera.focal_px, 400.0);
     assert_eq!(
         source.warnings(),
-        ["depths are in arbitrary units: the baseline is unknown, 0.1 m are assumed; set baseline"]
+        ["depths are in arbitrary units: the baseline is unknown, 0.1 m are assumed; set capture.baseline"]
     );
     let settings = Settings {
         baseline: Some(0.25),
@@ -351,8 +351,8 @@ fn without_a_calibration_there_is_none_and_a_warning() {
     assert_eq!(
         source.warnings(),
         [
-            "depths are in arbitrary units: no calibration, 64 px and 0.1 m are assumed; set focal and baseline, \
-          camera_info or calibration"
+            "depths are in arbitrary units: no calibration, 64 px and 0.1 m are assumed; set capture.focal and capture.baseline, \
+             capture.camera_info or capture.calibration"
         ]
     );
 }
@@ -376,7 +376,7 @@ fn a_baseline_alone_does_not_calibrate() {
     assert_eq!(
         source.warnings(),
         [
-            "depths are in arbitrary units: the focal length is unknown, 64 px are assumed; set focal"
+            "depths are in arbitrary units: the focal length is unknown, 64 px are assumed; set capture.focal"
         ]
     );
 }
