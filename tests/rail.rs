@@ -160,6 +160,58 @@ fn a_recording_of_a_rail_is_replayed_to_the_byte_from_every_stage() {
 }
 
 #[test]
+fn a_part_of_a_rail_is_verified_with_the_frames_before_it_or_not_at_all() {
+    let world = World::new();
+    let rail = world.small_rail("rail", 0..40);
+    let source = rail.to_string_lossy().into_owned();
+    let own = ["--set", "capture.stride=2", "--set", "map.window=4"];
+    world
+        .run(&[&arguments(&source, "x.mcap")[..], &own].concat())
+        .done();
+    let part = [
+        "replay", "x.mcap", "--scans", "30..32", "--verify", "--json",
+    ];
+    for (stage, lead) in [("capture", 20), ("match", 20), ("map", 16)] {
+        let report = world
+            .run(&[&part[..], &["--from", stage]].concat())
+            .done()
+            .json();
+        let verified = &report["verified"];
+        assert_eq!(
+            (&verified["equal"], &verified["scans"], &verified["lead"]),
+            (&true.into(), &2.into(), &lead.into()),
+            "{stage}: {verified}"
+        );
+        for topic in verified["topics"].as_object().unwrap().values() {
+            assert_eq!(topic["compared"], 2, "{stage}: {verified}");
+        }
+    }
+    // What is recorded beside it is the part alone.
+    let record = ["--record", "y.mcap"];
+    world.run(&[&part[..], &record].concat()).done();
+    let info = world.run(&["info", "y.mcap", "--json"]).done().json();
+    assert_eq!(info["scans"]["total"], 2, "{info}");
+    // At the beginning there is nothing before.
+    let first = ["replay", "x.mcap", "--scans", "1..3", "--verify", "--json"];
+    let verified = &world.run(&first).done().json()["verified"];
+    assert_eq!(
+        (&verified["equal"], &verified["lead"]),
+        (&true.into(), &1.into())
+    );
+    // Where the frames before are not in the file, nothing is claimed of what depends on them.
+    world
+        .run(&["filter", "x.mcap", "--scans", "30..32", "-o", "cut.mcap"])
+        .done();
+    let ran = world.run(&["replay", "cut.mcap", "--verify"]);
+    assert_eq!(ran.code, Some(3), "{ran:?}");
+    let told = "NOT verified: no message was compared of disparity, map, map/growing, matches/1, matches/2, matches/4, \
+                points: they depend on 20 frames before these, of which 20 are not in the recording";
+    assert!(ran.out.contains(told), "{}", ran.out);
+    let ran = world.run(&["replay", "cut.mcap", "--to", "hough", "--verify"]);
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+}
+
+#[test]
 fn the_map_of_a_rendered_scene_is_right() {
     let world = World::new();
     let mut run = arguments("scene:jack", "x.mcap");

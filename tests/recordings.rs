@@ -3,12 +3,21 @@
 
 mod harness;
 
+use std::path::Path;
+
 use harness::{World, signal, wait_until};
 
 /// A world with a recording of so many scans of a small scene.
 #[track_caller]
 fn verifies(world: &World, name: &str, scans: u64) {
-    let ran = world.run(&["replay", name, "--verify", "--json"]).done();
+    verifies_but(world, name, scans, 0);
+}
+
+/// So many whole scans are verified; where others are not whole, that is told by the exit code.
+#[track_caller]
+fn verifies_but(world: &World, name: &str, scans: u64, others: u64) {
+    let ran = world.run(&["replay", name, "--verify", "--json"]);
+    assert_eq!(ran.code, Some(if others == 0 { 0 } else { 3 }), "{ran:?}");
     let verified = &ran.json()["verified"];
     assert_eq!(
         (&verified["equal"], &verified["scans"]),
@@ -36,7 +45,8 @@ fn what_is_recovered_of_a_truncated_recording_verifies_wherever_it_was_cut() {
         let whole = report["whole"].as_u64().unwrap();
         assert!(report["unreadable_bytes"].as_u64() > Some(0), "{report}");
         if whole > 0 {
-            verifies(&world, "y.mcap", whole);
+            let scans = report["scans"].as_u64().unwrap();
+            verifies_but(&world, "y.mcap", whole, scans - whole);
         }
         whole_seen.push(whole);
         assert_eq!(
@@ -66,7 +76,7 @@ fn a_damaged_chunk_costs_its_scan_and_no_other() {
     let ran = world.run(&["recover", "bad.mcap", "-o", "y.mcap", "--json"]);
     assert_eq!(ran.code, Some(3), "{ran:?}");
     assert_eq!(ran.json()["whole"], 4, "{ran:?}");
-    verifies(&world, "y.mcap", 4);
+    verifies_but(&world, "y.mcap", 4, 1);
     let check = world.run(&["info", "y.mcap", "--check"]);
     assert_eq!(check.code, Some(3), "{check:?}");
 }
@@ -172,6 +182,151 @@ fn what_a_filter_leaves_refers_to_nothing_that_it_left_out() {
         ran.err.contains("no topic of the recording is like curve"),
         "{}",
         ran.err
+    );
+}
+
+/// Rewrites a recording as other programs may: without chunks, under a prefix, with or without its metadata.
+fn rewrite_plainly(from: &Path, to: &Path, keeps_metadata: bool) {
+    let bytes = std::fs::read(from).unwrap();
+    let options = mcap::WriteOptions::new().use_chunks(false);
+    let mut writer = options.create(std::fs::File::create(to).unwrap()).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    for index in summary.metadata_indexes.iter().filter(|_| keeps_metadata) {
+        let metadata = mcap::read::metadata(&bytes, index).unwrap();
+        writer.write_metadata(&metadata).unwrap();
+    }
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let schema = message.channel.schema.as_ref().unwrap();
+        let schema = writer.add_schema(&schema.name, &schema.encoding, &schema.data);
+        let topic = format!("/tricurve/{}", message.channel.topic);
+        let encoding = &message.channel.message_encoding;
+        let none = std::collections::BTreeMap::new();
+        let channel_id = writer.add_channel(schema.unwrap(), &topic, encoding, &none);
+        let header = mcap::records::MessageHeader {
+            channel_id: channel_id.unwrap(),
+            sequence: message.sequence,
+            log_time: message.log_time,
+            publish_time: message.publish_time,
+        };
+        writer
+            .write_to_known_channel(&header, &message.data)
+            .unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn what_others_rewrote_is_treated_like_the_original() {
+    let world = World::recorded("4");
+    rewrite_plainly(&world.path("x.mcap"), &world.path("plain.mcap"), true);
+    verifies(&world, "plain.mcap", 4);
+    let info = world
+        .run(&["info", "plain.mcap", "--check", "--json"])
+        .done()
+        .json();
+    assert_eq!(
+        (&info["complete"], &info["scans"]["whole"]),
+        (&true.into(), &4.into())
+    );
+    assert!(
+        info["remarks"][0]
+            .as_str()
+            .unwrap()
+            .contains("named /tricurve/"),
+        "{info}"
+    );
+    let [one, other] =
+        ["x.mcap", "plain.mcap"].map(|name| world.run(&["export", name, "--csv", "-"]).done().out);
+    assert!(one.len() > 1000 && one == other);
+    world
+        .run(&["merge", "plain.mcap", "x.mcap", "-o", "both.mcap"])
+        .done();
+    verifies(&world, "both.mcap", 8);
+    world
+        .run(&["recover", "plain.mcap", "-o", "again.mcap"])
+        .done();
+    verifies(&world, "again.mcap", 4);
+}
+
+#[test]
+fn without_its_metadata_a_recording_says_what_is_missing_and_takes_it_from_the_command_line() {
+    let world = World::recorded("3");
+    rewrite_plainly(&world.path("x.mcap"), &world.path("bare.mcap"), false);
+    let [one, other] =
+        ["x.mcap", "bare.mcap"].map(|name| world.run(&["export", name, "--csv", "-"]).done().out);
+    assert!(one.len() > 1000 && one == other);
+    let ran = world.run(&["replay", "bare.mcap", "--verify"]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(
+        ran.err.contains("give them with --profile default"),
+        "{ran:?}"
+    );
+    let given = [
+        "replay",
+        "bare.mcap",
+        "--verify",
+        "--profile",
+        "default",
+        "--json",
+    ];
+    assert_eq!(world.run(&given).done().json()["verified"]["equal"], true);
+    let other = [&given[..], &["--set", "match.nothing=0.3"]].concat();
+    let ran = world.run(&other);
+    assert_eq!(ran.code, Some(3), "{ran:?}");
+    let ran = world.run(&["replay", "x.mcap", "--verify", "--profile", "default"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(
+        ran.err.contains("says the settings it was recorded with"),
+        "{ran:?}"
+    );
+}
+
+#[test]
+fn whatever_scans_are_missing_from_what_is_written_it_is_not_done() {
+    let world = World::recorded("6");
+    world
+        .run(&["split", "x.mcap", "--scans", "2", "-o", "s.mcap"])
+        .done();
+    std::fs::remove_file(world.path("s.1.mcap")).unwrap();
+    for command in [
+        ["merge", "s.mcap", "x.mcap", "-o", "y.mcap", "--force"].as_slice(),
+        &["recover", "s.mcap", "-o", "y.mcap", "--force"],
+        &["split", "s.mcap", "--scans", "1", "-o", "y.mcap", "--force"],
+        &[
+            "filter", "s.mcap", "--topics", "points", "-o", "y.mcap", "--force",
+        ],
+        &["export", "s.mcap", "--csv", "y.csv"],
+        &["replay", "s.mcap", "--verify"],
+    ] {
+        let ran = world.run(command);
+        assert_eq!(ran.code, Some(3), "{ran:?}");
+        assert!(
+            (ran.err + &ran.out).contains("s.1.mcap is missing"),
+            "{command:?}"
+        );
+    }
+}
+
+#[test]
+fn a_check_says_what_it_checked() {
+    let world = World::recorded("2");
+    let ran = world.run(&["info", "x.mcap", "--check"]).done();
+    for told in [
+        "messages of 2 scans were read",
+        "checksums of their",
+        "its ledger balances",
+    ] {
+        assert!(ran.out.contains(told), "{told}: {ran:?}");
+    }
+    let checked = world
+        .run(&["info", "x.mcap", "--check", "--json"])
+        .done()
+        .json();
+    assert_eq!(checked["check"]["failures"], serde_json::json!([]));
+    assert!(
+        checked["check"]["checked"].as_array().unwrap().len() > 4,
+        "{checked}"
     );
 }
 

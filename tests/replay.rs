@@ -48,6 +48,45 @@ fn a_setting_that_changes_results_is_told_and_not_passed() {
 }
 
 #[test]
+fn what_is_set_of_a_node_that_has_no_part_in_the_replay_is_refused_with_the_way() {
+    let world = World::recorded("2");
+    for (arguments, told) in [
+        (
+            ["--from", "match", "--set", "filter.floor=2"],
+            "filter.floor is set, but a replay from match plays what filter made as it was recorded: replay --from filter",
+        ),
+        (
+            ["--to", "hough", "--set", "match.gap=2"],
+            "match.gap is set, but a replay to hough ends before match: replay --to match",
+        ),
+        (
+            ["--from", "match", "--set", "record.views=false"],
+            "record.views is set, but nothing is recorded: replay --record FILE",
+        ),
+    ] {
+        let ran = world.run(&[&["replay", "x.mcap"][..], &arguments].concat());
+        assert_eq!(ran.code, Some(2), "{ran:?}");
+        assert!(ran.err.contains(told), "{ran:?}");
+        assert_eq!(ran.err.lines().count(), 1, "{ran:?}");
+    }
+}
+
+#[test]
+fn what_was_compared_is_counted() {
+    let world = World::recorded("3");
+    let ran = world.run(&["replay", "x.mcap", "--from", "match", "--verify", "--json"]);
+    let verified = &ran.done().json()["verified"];
+    assert_eq!(verified["compared"], 15, "{verified}");
+    assert_eq!(verified["not_verified"], serde_json::json!([]));
+    assert_eq!(verified["topics"]["points"]["compared"], 3);
+    let ran = world
+        .run(&["replay", "x.mcap", "--from", "match", "--verify"])
+        .done();
+    let told = "verified: 3 scans, 15 messages of 5 topics, are equal to the byte";
+    assert!(ran.out.contains(told), "{}", ran.out);
+}
+
+#[test]
 fn other_channels_have_no_counterpart_in_the_recording() {
     let world = World::recorded("2");
     let ran = world.run(&[

@@ -335,6 +335,11 @@ fn graph(
         .keys()
         .filter(|(node, _)| !tables.contains_key(*node))
     {
+        if node == Stage::Capture.name() {
+            return Err(Failure::usage(format!(
+                "{node}.{key} was settled when the recording was made, and a replay has no capture: run again on the source"
+            )));
+        }
         if let Some(why) = why_not(args, node) {
             return Err(Failure::usage(format!("{node}.{key} is set, but {why}")));
         }
@@ -348,16 +353,15 @@ fn why_not(args: &Args, node: &str) -> Option<String> {
     let (from, to) = (Stage::from(args.from), Stage::from(args.to));
     let stage = Stage::ALL.into_iter().find(|stage| stage.name() == node);
     Some(match (stage, node) {
-        (Some(Stage::Capture), _) => {
-            "that was settled when the recording was made, and a replay has no capture: run again on the source"
-                .to_owned()
-        }
         (Some(stage), _) if stage < from => format!(
             "a replay from {} plays what {node} made as it was recorded: replay --from {node}",
             from.name()
         ),
         (Some(stage), _) if stage > to => {
-            format!("a replay to {} ends before {node}: replay --to {node}", to.name())
+            format!(
+                "a replay to {} ends before {node}: replay --to {node}",
+                to.name()
+            )
         }
         (Some(_), _) => format!("the recording was made without {node}"),
         (None, "record") => "nothing is recorded: replay --record FILE".to_owned(),

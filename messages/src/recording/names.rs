@@ -46,6 +46,25 @@ pub(super) fn is_ours(topic: &str) -> bool {
     weight(topic).is_some()
 }
 
+/// Whether only recordings call a topic so.
+pub(super) fn is_telling(topic: &str) -> bool {
+    weight(topic) == Some(100)
+}
+
+/// What messages of a topic of this name are, where a file does not say it.
+pub(super) fn schema_of(topic: &str) -> &'static str {
+    match topic.split('/').collect::<Vec<_>>().as_slice() {
+        ["tf"] => "foxglove.FrameTransforms",
+        ["camera", _, "calibration"] => "foxglove.CameraCalibration",
+        ["camera", _, "image" | "image_raw"] | ["disparity" | "truth"] => "foxglove.RawImage",
+        ["edges", ..] | ["points"] | ["map", ..] => "foxglove.PointCloud",
+        ["curves", ..] => "tricurve.Curves",
+        ["tables", ..] => "tricurve.Tables",
+        ["matches", ..] => "tricurve.Matches",
+        _ => "",
+    }
+}
+
 /// The prefix of a topic's name before what may be one of a recording, and how much that says.
 fn prefix(topic: &str) -> Option<(&str, usize)> {
     let slashes = topic.match_indices('/').map(|(at, _)| at + 1);

@@ -16,7 +16,7 @@ use super::file::{Contents, FileSchema, Group, RECORD_HEAD};
 use super::layout::parse;
 use super::metadata::Metadata;
 use super::metadata::{CHANGES, Identity, LEDGER, MetadataError, NAME, ScanOrder, changes, ledger};
-use super::names::{Prefix, is_ours};
+use super::names::{Prefix, is_ours, is_telling};
 use super::parts::{count_parts, part_path, stray_parts};
 use super::rebuilt::rebuilt;
 use super::scans::{Block, Key, Place, Scans, Sighting, is_repeated};
@@ -462,28 +462,44 @@ impl Recording {
         self.add_foreign(foreign);
     }
 
-    /// Where numbers in the file tell nothing, the scans' own statistics may.
-    fn number_by_statistics(&mut self) {
-        if self.scans.key == Key::Sequence {
-            return;
-        }
-        let said = |(scan, statistics): (u64, Option<Scan>)| {
-            let bytes = statistics.as_ref()?.message("statistics")?;
-            let value: serde_json::Value = serde_json::from_slice(bytes).ok()?;
+    /// The numbers of these scans, where their own statistics say them.
+    fn numbers_said(&mut self, scans: &[u64]) -> BTreeMap<u64, u64> {
+        let said = |&scan: &u64| {
+            let read = self.scan_of(scan, |topic| topic == "statistics").ok()?;
+            let value: serde_json::Value =
+                serde_json::from_slice(read.message("statistics")?).ok()?;
+            self.reuse(read);
             Some((scan, value.get("scan")?.as_u64()?))
         };
+        scans.iter().filter_map(said).collect()
+    }
+
+    /// Where numbers in the file tell nothing, or others than they were, the scans' own statistics may.
+    fn number_by_statistics(&mut self) {
         let scans: Vec<u64> = self.scans.held.keys().copied().collect();
-        let read = |scan| (scan, self.scan_of(scan, |topic| topic == "statistics").ok());
-        let numbers: BTreeMap<u64, u64> = scans.into_iter().map(read).filter_map(said).collect();
-        let text = match self.scans.renumber(&numbers) {
-            true => {
-                "its messages do not have the scans' numbers any more: those that the statistics say are taken"
-            }
-            false => {
-                "its messages do not have the scans' numbers any more: scans are counted in order of time, from 0"
-            }
+        let (Some(first), Some(last)) = (scans.first(), scans.last()) else {
+            return;
         };
-        self.remarks.push(text.to_owned());
+        let goes_by_numbers = self.scans.key == Key::Sequence;
+        if goes_by_numbers {
+            if self.parts.iter().all(|part| part.contents.is_indexed) {
+                return;
+            }
+            let mut said = self.numbers_said(&[*first, *last]).into_iter();
+            if said.all(|(number, said)| number == said) {
+                return;
+            }
+        }
+        let numbers = self.numbers_said(&scans);
+        match self.scans.renumber(&numbers) {
+            true => self.remarks.push(
+                "its messages do not have the scans' numbers any more: those that the statistics say are taken".to_owned(),
+            ),
+            false if goes_by_numbers => {}
+            false => self.remarks.push(
+                "its messages do not have the scans' numbers any more: scans are counted in order of time, from 0".to_owned(),
+            ),
+        }
     }
 
     /// Messages of topics that recordings do not have go with the scan of their number and time, where there is one.
@@ -973,7 +989,8 @@ impl Part {
         // Only recordings have messages of ours.
         let mut schemas = contents.schemas.values();
         let prefix = format!("{NAME}.");
-        match schemas.any(|schema| schema.name.starts_with(&prefix)) {
+        let has_ours = schemas.any(|schema| schema.name.starts_with(&prefix));
+        match has_ours || topics.iter().any(|topic| is_telling(topic)) {
             true => Ok(()),
             false => Err(ReadError::Foreign {
                 path: self.path.clone(),

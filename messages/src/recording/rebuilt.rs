@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::metadata::{Metadata, is_possible};
+use super::names::schema_of;
 use super::read::{ReadError, Recording, Scan};
 use crate::record::{CameraSaid, Codec, TRANSFORMS, frame_said, places_said, size_said};
 use crate::rig::{Rail, Rig, View};
@@ -20,7 +21,9 @@ pub(super) fn rebuilt(recording: &mut Recording) -> Result<Metadata, ReadError> 
         .definitions()
         .into_iter()
         .map(|(topic, _, schema)| {
-            let schema = schema.map_or(String::new(), |schema| schema.name.clone());
+            let schema = schema
+                .map_or(schema_of(topic), |schema| &schema.name)
+                .to_owned();
             (topic.to_owned(), schema)
         })
         .collect();

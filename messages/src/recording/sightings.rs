@@ -112,7 +112,7 @@ fn groups(
     index: &ChunkIndex,
 ) -> Result<Vec<Group>, McapError> {
     let is_of_one_time = index.message_start_time == index.message_end_time;
-    if is_of_one_time && has_each_topic_once(file, contents, index)? {
+    if is_of_one_time && may_be_one_scan(file, contents, index)? {
         let group = |sequence| Group {
             sequence,
             nanos: index.message_start_time,
@@ -126,12 +126,14 @@ fn groups(
     Ok(Chunk::load(file, index, &mut Vec::new())?.groups())
 }
 
-/// Whether a chunk has no two messages of a topic of which a scan has one, as its message indexes say.
-fn has_each_topic_once(
+/// Whether a chunk has no messages of other times, and no two of a topic of which a scan has one, as its message indexes
+/// say.
+fn may_be_one_scan(
     file: &mut File,
     contents: &Contents,
     index: &ChunkIndex,
 ) -> Result<bool, McapError> {
+    let nanos = index.message_start_time;
     let start = index.chunk_start_offset.saturating_add(index.chunk_length);
     file.seek(SeekFrom::Start(start))?;
     let mut bytes = Vec::new();
@@ -148,7 +150,8 @@ fn has_each_topic_once(
         };
         let channel = contents.channels.get(&index.channel_id);
         let may_repeat = channel.is_some_and(|channel| is_repeated(&channel.topic));
-        if index.records.len() > 1 && !may_repeat {
+        let is_of_time = |entry: &mcap::records::MessageIndexEntry| entry.log_time == nanos;
+        if index.records.len() > 1 && !may_repeat || !index.records.iter().all(is_of_time) {
             return Ok(false);
         }
     }
