@@ -80,12 +80,18 @@ fn fits(home: &Path) -> bool {
     home.to_str().is_some_and(str::is_ascii) && path + prefix.len() <= MOST_PATH
 }
 
-/// The folder of all runs of this user: in the session's own if that leaves room for the names of sockets.
+/// The folder of all runs of this user: in the session's own if there is one still, and it leaves room for the names of
+/// sockets.
 fn home() -> io::Result<PathBuf> {
     let session = std::env::var_os("XDG_RUNTIME_DIR").filter(|dir| !dir.is_empty());
     let session = session.map(|dir| in_session(Path::new(&dir)));
+    // What is there is to be right; only what cannot be there, as after a logout, is done without.
+    let can_be = |home: &PathBuf| match make_home(home) {
+        Ok(()) => true,
+        Err(_) => home.exists(),
+    };
     let home = session
-        .filter(|home| fits(home))
+        .filter(|home| fits(home) && can_be(home))
         .unwrap_or_else(in_temporary);
     if !fits(&home) {
         let text = format!(

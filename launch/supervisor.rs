@@ -393,6 +393,8 @@ impl<'a, W: Watcher> Supervisor<'a, W> {
         }
         if self.connecting && all_are_connected {
             self.connecting = false;
+            // Now all is there that they share: whatever is removed from now on can be made anew.
+            self.look_after_folder_now();
             let is_restart = std::mem::replace(&mut self.has_begun, true);
             self.play_on();
             // The door opens last.
@@ -532,12 +534,14 @@ fn listen_to_keys(teller: &Sender<News>) -> Option<Keys> {
     Keys::listen(move |key| teller.send(News::Key(key)).unwrap_or_default())
 }
 
-/// Hears SIGINT and SIGTERM, which mean the same.
+/// Hears SIGINT, SIGTERM and SIGHUP, which mean the same.
 fn signals(teller: &Sender<News>) -> Result<signal_hook::iterator::Handle, Failure> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     let cannot = |e| Failure::failed(format!("cannot listen to signals: {e}"));
-    let mut signals =
-        signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(cannot)?;
+    let mut heard = vec![SIGINT, SIGTERM];
+    // One that is to outlive its terminal does not hear that the terminal is gone.
+    heard.extend((!crate::signals::is_ignored(SIGHUP)).then_some(SIGHUP));
+    let mut signals = signal_hook::iterator::Signals::new(heard).map_err(cannot)?;
     let handle = signals.handle();
     let teller = teller.clone();
     let listen = move || {

@@ -146,7 +146,7 @@ impl RunDir {
         if !is_gone && !self.known.is_missed(&self.path) {
             self.known.learn(&self.path)?;
             self.keep_young();
-            let what = "shared memory";
+            let what = "its shared memory";
             return Ok(is_closed.then_some(Befell {
                 what,
                 moved_to: None,
@@ -163,10 +163,10 @@ impl RunDir {
         self.known.changed = [None; 2];
         Ok(Some(Befell {
             what: match (is_gone, is_closed) {
-                (true, true) => "folder and its shared memory",
-                (true, false) => "folder",
-                (false, true) => "files and its shared memory",
-                (false, false) => "files",
+                (true, true) => "its folder, and its shared memory",
+                (true, false) => "its folder",
+                (false, true) => "what was in its folder, and its shared memory",
+                (false, false) => "what was in its folder",
             },
             moved_to: (self.path != before).then(|| self.path.clone()),
             is_closed,

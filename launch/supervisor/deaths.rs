@@ -208,7 +208,7 @@ impl<W: Watcher> Supervisor<'_, W> {
             Err(error) => {
                 self.is_closed = true;
                 let text = format!(
-                    "the run's folder {} was removed and cannot be made anew: {error}; the graph goes on, and no command finds it",
+                    "its folder {} was removed while the graph runs, and cannot be made anew: {error}; the graph goes on, and no command finds it",
                     before.display()
                 );
                 self.say(Level::Warn, "launch", text);
@@ -242,22 +242,22 @@ fn in_words(befell: &Befell, folder: &std::path::Path) -> String {
     } = befell;
     let folder = folder.display();
     let now = match moved_to {
-        Some(path) => format!("made anew as {}", path.display()),
-        None => "made anew".to_owned(),
+        Some(path) => format!("it is made anew as {}", path.display()),
+        None => "it is made anew".to_owned(),
     };
-    let (now, prevent) = match is_closed {
+    let (joined, prevent) = match is_closed {
         true => (
-            format!(
-                "it is {now} and the graph goes on, but nobody can join it until a node is restarted (`tricurve node restart`)"
-            ),
-            "at a logout the system removes what a user shares: RemoveIPC=no in logind.conf, or `loginctl enable-linger`",
+            ", but nobody can join it until a node is restarted (`tricurve node restart`)",
+            "at a logout the system removes what its user shared: `loginctl enable-linger`, or RemoveIPC=no in logind.conf",
         ),
         false => (
-            format!("it is {now} and the graph goes on"),
-            "what removes old files in temporary folders is to spare it, or set XDG_RUNTIME_DIR to a folder that stays",
+            "",
+            "whatever removes old files there is to spare it, or XDG_RUNTIME_DIR is to be a folder that stays",
         ),
     };
-    format!("the run's {what} ({folder}) was removed while it runs: {now}. {prevent}")
+    format!(
+        "{what} was removed while the graph runs ({folder}): {now}, and the graph goes on{joined}; to prevent it, {prevent}"
+    )
 }
 
 /// Ends a node's process, by force if it lives, and reaps it.

@@ -37,7 +37,7 @@ impl Guest {
     /// # Errors
     /// When the run has no room for a further guest, or is over.
     pub fn join(run: &Run, name: &str, kinds: &[Kind]) -> Result<Self, BusError> {
-        let ports = Ports::new(run, name)?;
+        let ports = Ports::of_guest(run, name)?;
         let book = Rc::new(RefCell::new(Book::default()));
         let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
         let inputs = Inputs::new(run, &ports, topics, book)?;
@@ -54,7 +54,7 @@ impl Guest {
     /// # Errors
     /// When the run has no room for a further guest, or is over.
     pub fn reports(run: &Run, name: &str) -> Result<Reports, BusError> {
-        let ports = Ports::new(run, name)?;
+        let ports = Ports::of_guest(run, name)?;
         Ok(Reports {
             reports: ReportsIn {
                 subscriber: ports.reports_in()?,
@@ -128,7 +128,7 @@ impl Hearer {
     /// # Errors
     /// When the run has no room for a further guest, or is over.
     pub fn join(run: &Run, name: &str, topics: &[Topic]) -> Result<Self, BusError> {
-        let ports = Ports::new(run, name)?;
+        let ports = Ports::of_guest(run, name)?;
         let book = Rc::new(RefCell::new(Book::default()));
         let inputs = Inputs::new(run, &ports, topics.iter().cloned(), book)?;
         let reports = ReportsIn {

@@ -70,6 +70,8 @@ const FRAMES: usize = 8;
 pub(super) struct Ports {
     node: Node<ipc::Service>,
     run: Run,
+    /// Whether it takes what is there and makes nothing.
+    is_guest: bool,
 }
 
 /// Joins the run's own corner of shared memory, cleaning up after dead processes of the same run.
@@ -98,8 +100,13 @@ fn alignment() -> Result<Alignment, BusError> {
     Alignment::new(ALIGNMENT).ok_or_else(|| BusError::port("align payloads to", ALIGNMENT))
 }
 
-/// Opens the service of a stream of plain data.
-macro_rules! service {
+/// How long a guest waits for what the nodes of a graph that is just beginning have not made yet.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// How often it looks.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// The builder of a service of a stream of plain data.
+macro_rules! builder {
     ($node:expr, $name:expr, $element:ty, publishers $publishers:expr, subscribers $subscribers:expr,
      buffer $buffer:expr, overflow $overflow:expr) => {
         $node
@@ -114,9 +121,32 @@ macro_rules! service {
             .max_publishers($publishers + DEAD)
             .max_subscribers($subscribers + GUESTS + DEAD)
             .max_nodes(64)
+    };
+}
+
+/// Opens the service of a stream of plain data; makes it if it is not there.
+macro_rules! service {
+    ($node:expr, $name:expr, $($kind:tt)*) => {
+        builder!($node, $name, $($kind)*)
             .open_or_create()
             .map_err(|e| BusError::port(format!("open the service {}", $name), e))
     };
+}
+
+/// Opens the service of a stream of plain data that others make. A guest that made it would hear nothing for ever.
+macro_rules! existing {
+    ($node:expr, $name:expr, $($kind:tt)*) => {{
+        let until = Instant::now() + PATIENCE;
+        loop {
+            match builder!($node, $name, $($kind)*).open() {
+                Err(_) if Instant::now() < until => std::thread::sleep(LOOK_EVERY),
+                opened => {
+                    break opened
+                        .map_err(|e| BusError::port(format!("open the service {}", $name), e));
+                }
+            }
+        }
+    }};
 }
 
 /// Why a subscriber could not be made.
@@ -132,13 +162,26 @@ impl Ports {
         Ok(Self {
             node: node(run, name)?,
             run: run.clone(),
+            is_guest: false,
+        })
+    }
+
+    /// Those of a guest, who listens to what is there.
+    pub(super) fn of_guest(run: &Run, name: &str) -> Result<Self, BusError> {
+        Ok(Self {
+            is_guest: true,
+            ..Self::new(run, name)?
         })
     }
 
     fn data_service(&self, topic: &Topic) -> Result<DataService, BusError> {
         let takers = self.run.takers(topic.kind).count();
-        service!(self.node, &topic.name, u64, publishers 1, subscribers takers,
-                 buffer self.run.buffer(), overflow false)
+        match self.is_guest {
+            true => existing!(self.node, &topic.name, u64, publishers 1, subscribers takers,
+                              buffer self.run.buffer(), overflow false),
+            false => service!(self.node, &topic.name, u64, publishers 1, subscribers takers,
+                              buffer self.run.buffer(), overflow false),
+        }
     }
 
     pub(super) fn publisher(&self, topic: &Topic) -> Result<(DataPublisher, Audience), BusError> {
@@ -193,11 +236,16 @@ impl Ports {
     }
 
     pub(super) fn reports_in(&self) -> Result<TextSubscriber, BusError> {
-        service!(self.node, "reports", u8, publishers self.run.nodes.len(),
-                 subscribers 2, buffer REPORTS, overflow true)?
-        .subscriber_builder()
-        .create()
-        .map_err(|e| not_subscribed("hear reports", e))
+        let service = match self.is_guest {
+            true => existing!(self.node, "reports", u8, publishers self.run.nodes.len(),
+                              subscribers 2, buffer REPORTS, overflow true)?,
+            false => service!(self.node, "reports", u8, publishers self.run.nodes.len(),
+                              subscribers 2, buffer REPORTS, overflow true)?,
+        };
+        service
+            .subscriber_builder()
+            .create()
+            .map_err(|e| not_subscribed("hear reports", e))
     }
 
     /// Where a program from outside publishes the frames of a view; one program only.
