@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use capture::SourceError;
 use capture::calibrate::{
-    Beside, Board, Calibrated, Folders, Found, Layout, LeftOut, Observed, Shots, Sure, calibrate,
-    read,
+    Beside, Board, Calibrated, Folders, Found, Layout, LeftOut, Observed, Reader, Shots, Sure,
+    calibrate,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -186,12 +186,9 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Observed<'a> 
         ProgressBar::new(shots.count() as u64)
             .with_style(style.unwrap_or(ProgressStyle::default_bar()))
     });
-    let images: Vec<&PathBuf> = shots
-        .shots
-        .iter()
-        .flat_map(|shot| &shot.images)
-        .flatten()
-        .collect();
+    let images = shots.shots.iter().flat_map(|shot| &shot.images).flatten();
+    let images: Vec<&Path> = images.map(PathBuf::as_path).collect();
+    let reader = Reader::new(&images);
     let next = AtomicUsize::new(0);
     let look = || {
         let mut found = Vec::new();
@@ -201,7 +198,7 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Observed<'a> 
                 return found;
             };
             // One that cannot be read is told with those on which no board is found.
-            let sighting = match read(path) {
+            let sighting = match reader.read(path) {
                 Ok((size, pixels)) => board.find(size, &pixels),
                 Err(error) => Err(error.to_string()),
             };

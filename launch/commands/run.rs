@@ -82,6 +82,10 @@ pub(super) fn plan(
     }
     let source = open_source(&graph)?;
     settle_rail(&mut graph, &source);
+    // So that nobody has to find it out again, and that it is recorded.
+    if let Some(bits) = source.bits() {
+        graph.fill_in("capture", "bits", bits);
+    }
     settle_truth(&mut graph, &source)?;
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;

@@ -23,6 +23,7 @@ mod error;
 mod exposure;
 mod folder;
 mod image_file;
+mod levels;
 #[cfg(feature = "node")]
 mod live;
 mod middlebury;

@@ -130,6 +130,9 @@ messages::settings! {
         /// Path of the calibration of the cameras that took the images: a Kalibr camchain, an OpenCV FileStorage YAML, or ROS
         /// `camera_info` YAMLs, one a chosen view from left to right, separated by commas. Views are then rectified.
         pub calibration: Option<String> = None;
+        /// Bits in use of images that are filed in 16 and hold what a camera of 10, 12 or 14 bit gives, by which they are
+        /// scaled to 8; by default found out once, from the first scan's images and some of the others.
+        pub bits: Option<u32> = None, in 8..=16;
         /// Whether views are rectified where `calibration` is set; false shows them as they were taken.
         pub rectify: bool = true;
         /// Whether images are published as they were taken too, beside the rectified ones, as `camera/…/image_raw`.

@@ -28,6 +28,7 @@ pub use shots::{Folders, Layout, Shot, Shots};
 
 use crate::error::SourceError;
 use crate::image_file;
+use crate::levels::{self, Levels};
 use solve::Pose;
 
 /// Sightings of a camera that tell enough.
@@ -162,12 +163,29 @@ pub struct Calibrated {
     mounts: Vec<Pose>,
 }
 
-/// Reads an image as 8-bit gray: its size and its pixels, row by row.
-///
-/// # Errors
-/// A file that cannot be read or is no such image.
-pub fn read(path: &Path) -> Result<(Size, Vec<u8>), SourceError> {
-    image_file::pixels(path, None)
+/// Reads images as 8-bit gray: those of 16 bit are scaled by the bits in use, all of them alike.
+#[derive(Clone, Copy, Debug)]
+pub struct Reader {
+    levels: Levels,
+}
+
+impl Reader {
+    /// Looks at some of these images; what is wrong with one is said when it is read.
+    pub fn new(files: &[&Path]) -> Self {
+        let found = levels::found(files, 0, None);
+        Self {
+            levels: found.map_or(Levels::default(), |found| found.levels),
+        }
+    }
+
+    /// Reads an image: its size and its pixels, row by row.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no such image.
+    pub fn read(&self, path: &Path) -> Result<(Size, Vec<u8>), SourceError> {
+        let (size, gray) = image_file::pixels(path, &self.levels, None)?;
+        Ok((size, gray.pixels))
+    }
 }
 
 impl Found {
