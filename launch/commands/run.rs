@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use crate::cli::{Profile, Run as Args};
 use crate::graph::{Graph, Overrides};
 use crate::launcher::{Launch, launch};
+use crate::look::Looked;
 use crate::{Failure, Outcome};
 
 /// The most scans whose names are recorded.
@@ -20,7 +21,7 @@ const NAMES: u64 = 10_000;
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let Planned {
         graph,
-        source,
+        mut source,
         rig,
         scans,
         places,
@@ -28,6 +29,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         recording,
     } = plan(args.graph.as_deref(), args.profile, &overrides(args)?)?;
     say_notices(&source);
+    look(&graph, &mut source, args.force_unrectified)?;
     let (ran, _) = launch(Launch {
         graph: &graph,
         rig,
@@ -212,6 +214,31 @@ fn say_notices(source: &Source) {
     for warning in source.warnings() {
         crate::say!("capture: warning: {warning}");
     }
+}
+
+/// Looks at the first scans before anything runs: says what is wrong with them, and refuses what cannot be matched.
+fn look(graph: &Graph, source: &mut Source, is_forced: bool) -> Result<(), Failure> {
+    let capture = graph.settings_of("capture");
+    let spec = capture.get("source").and_then(Value::as_str);
+    let spec = spec.unwrap_or_default();
+    // Rendered scenes are rectified; of nothing that is not matched rows need be aligned.
+    if spec.starts_with("scene:") || !graph.has("match") {
+        return Ok(());
+    }
+    let is_set = |key| capture.get(key).is_some_and(|value| !value.is_null());
+    let judged = Looked::at(source, is_set("calibration")).judged(spec);
+    for warning in &judged.warnings {
+        crate::say!("capture: warning: {warning}");
+    }
+    match judged.refusal {
+        Some(why) if is_forced => crate::say!("capture: warning: {why}"),
+        Some(why) => {
+            let text = format!("{why} (--force-unrectified runs nevertheless)");
+            return Err(Failure::failed(text));
+        }
+        None => {}
+    }
+    Ok(())
 }
 
 fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {

@@ -26,6 +26,7 @@ mod image_file;
 mod levels;
 #[cfg(feature = "node")]
 mod live;
+pub mod look;
 mod middlebury;
 mod motion;
 #[cfg(feature = "node")]
