@@ -132,6 +132,10 @@ pub(crate) struct Run {
     /// Overwrite a recording that is there already
     #[arg(long)]
     pub(crate) force: bool,
+    /// Run although a look at the first scans says that they are no stereo: rows off by over 1 px, views in another order,
+    /// identical or of one gray level
+    #[arg(long)]
+    pub(crate) force_unrectified: bool,
     /// A new part of the recording after so many megabytes
     #[arg(long, value_name = "MB", conflicts_with = "no_record")]
     pub(crate) max_size: Option<u64>,

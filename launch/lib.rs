@@ -24,6 +24,7 @@ mod graph;
 mod keys;
 mod launcher;
 mod layout;
+mod look;
 mod node;
 mod offline;
 mod open_files;

@@ -351,23 +351,186 @@ fn parallel_views_are_told_to_work_and_unequal_steps_are_not() {
     }
 }
 
+/// A folder of these pictures.
+fn pictures(world: &World, name: &str, pictures: &[&GrayImage]) -> PathBuf {
+    let folder = world.path(name);
+    fs::create_dir_all(&folder).unwrap();
+    for (view, picture) in pictures.iter().enumerate() {
+        picture
+            .save(folder.join(format!("view{view}.png")))
+            .unwrap();
+    }
+    folder
+}
+
+/// A run of one scan that records nothing.
+fn run_once(world: &World, folder: &Path, more: &[&str]) -> Ran {
+    let source = folder.to_string_lossy();
+    let run = ["run", "--source", &source, "--scans", "1", "--no-record"];
+    world.run(&[&run[..], more].concat())
+}
+
+/// What a run says of how its views stand.
+const OF_VIEWS: [&str; 7] = [
+    "rows of",
+    "one gray level",
+    "one and the same image",
+    "something else than",
+    "nothing in common",
+    "nothing moves",
+    "from left to right they are",
+];
+
 #[test]
-fn views_from_right_to_left_and_views_of_one_place_are_told() {
+fn what_cannot_be_stereo_is_told_by_a_verdict_of_its_own_and_by_a_run() {
     let world = World::new();
-    let reversed = scene(&world, "reversed", &[2, 1, 0].map(straight));
-    let still = scene(&world, "still", &[1, 1, 1].map(straight));
-    for (folder, verdict, says) in [
-        (&reversed, "reversed", "the views go from right to left"),
-        (&still, "unknown", "hardly anything moves from view to view"),
+    let [left, centre, right] = [0, 1, 2].map(|view| picture(&straight(view)));
+    let gray = GrayImage::from_pixel(512, 480, image::Luma([90]));
+    // Another place: the same boards seen from behind a mirror and upside down.
+    let mut other = centre.clone();
+    image::imageops::flip_vertical_in_place(&mut other);
+    let mut again = left.clone();
+    again.pixels_mut().step_by(7).for_each(|gray| gray[0] ^= 1);
+    for (name, views, verdict, says, is_refused) in [
+        (
+            "reversed",
+            [&right, &centre, &left],
+            "reversed",
+            "they are view2.png, view1.png, view0.png",
+            true,
+        ),
+        (
+            "swapped",
+            [&left, &right, &centre],
+            "out-of-order",
+            "they are view0.png, view2.png, view1.png",
+            true,
+        ),
+        (
+            "identical",
+            [&centre, &centre, &centre],
+            "identical",
+            "view0.png, view1.png, view2.png are one and the same",
+            true,
+        ),
+        (
+            "twice",
+            [&left, &centre, &centre],
+            "identical",
+            "view1.png, view2.png are one and the same",
+            true,
+        ),
+        (
+            "gray",
+            [&left, &gray, &right],
+            "constant",
+            "view1.png is of one gray level",
+            true,
+        ),
+        (
+            "odd",
+            [&left, &centre, &other],
+            "odd-view",
+            "view2.png shows something else",
+            false,
+        ),
+        (
+            "still",
+            [&left, &again, &right],
+            "no-step",
+            "nothing moves between view0.png and view1.png",
+            false,
+        ),
     ] {
-        let (code, report) = check(&world, folder, &[]);
+        let folder = pictures(&world, name, &views);
+        let (code, report) = check(&world, &folder, &[]);
         assert_eq!(
             (code, &report["verdict"]),
             (Some(1), &Value::from(verdict)),
             "{report}"
         );
         assert!(report["says"].as_str().unwrap().contains(says), "{report}");
+        let ran = run_once(&world, &folder, &[]);
+        assert_eq!(ran.code == Some(1), is_refused, "{name}: {ran:?}");
+        assert!(ran.err.contains(says), "{name}: {ran:?}");
+        if is_refused {
+            assert!(
+                ran.err.contains("--force-unrectified runs nevertheless"),
+                "{ran:?}"
+            );
+        }
     }
+    let folder = pictures(&world, "right", &[&left, &centre, &right]);
+    let ran = run_once(&world, &folder, &[]).done();
+    assert!(
+        !OF_VIEWS.iter().any(|said| ran.err.contains(said)),
+        "{ran:?}"
+    );
+}
+
+#[test]
+fn a_run_refuses_rows_that_are_off_and_goes_on_with_what_check_geometry_writes() {
+    let world = World::new();
+    let views = || [straight(0), straight(1), straight(2)];
+    let mut cameras = views();
+    cameras[1].centre[1] += 2.0;
+    cameras[2].turn = glam::DMat3::from_rotation_z(0.4f64.to_radians());
+    let folder = scene(&world, "off", &cameras);
+    let source = folder.to_string_lossy();
+    let ran = run_once(&world, &folder, &[]);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    for said in [
+        "rows of view1.png and view2.png are off by",
+        "-o residual.yaml, and then --set capture.calibration=residual.yaml",
+        "--force-unrectified runs nevertheless",
+    ] {
+        assert!(ran.err.contains(said), "{said}: {ran:?}");
+    }
+    let forced = run_once(&world, &folder, &["--force-unrectified"]).done();
+    assert!(
+        forced.err.contains("capture: warning: rows of"),
+        "{forced:?}"
+    );
+    let written = world.run(&["check-geometry", &source, "-o", "residual.yaml"]);
+    assert_eq!(written.code, Some(1), "{written:?}");
+    let set = ["--set", "capture.calibration=residual.yaml"];
+    let mended = run_once(&world, &folder, &set).done();
+    assert!(
+        !OF_VIEWS.iter().any(|said| mended.err.contains(said)),
+        "{mended:?}"
+    );
+    // Half a row is said, and matched.
+    let mut cameras = views();
+    cameras[1].centre[1] += 0.5;
+    let ran = run_once(&world, &scene(&world, "half", &cameras), &[]).done();
+    assert!(
+        ran.err.contains("capture: warning: rows of") && ran.err.contains("off by 0.5 px"),
+        "{ran:?}"
+    );
+}
+
+#[test]
+fn one_scan_of_many_that_is_no_stereo_is_told_by_its_name_and_runs() {
+    let world = World::new();
+    let views = [0, 1, 2].map(|view| picture(&straight(view)));
+    let [left, centre, right] = views.each_ref();
+    for (scan, views) in [
+        [left, centre, right],
+        [left, centre, right],
+        [left, left, left],
+    ]
+    .iter()
+    .enumerate()
+    {
+        pictures(&world, &format!("many/scan{scan}"), views);
+    }
+    let source = world.path("many");
+    let source = source.to_string_lossy();
+    let ran = world
+        .run(&["run", "--source", &source, "--no-record"])
+        .done();
+    let said = "capture: warning: scan2: view0.png, view1.png, view2.png are one and the same";
+    assert!(ran.err.contains(said), "{ran:?}");
 }
 
 #[test]

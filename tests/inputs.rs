@@ -72,7 +72,12 @@ fn every_command_reads_a_folder_in_the_same_way() {
     // And in another one where that is said: a camera that stands still is no rail that could be checked.
     let said = world.run(&["check-geometry", "rig/cam0", "--layout", "rail"]);
     assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("the frames of one camera (rail): 4 frames"), "{}", said.err);
+    assert!(
+        said.err
+            .contains("the frames of one camera (rail): 4 frames"),
+        "{}",
+        said.err
+    );
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use capture::SourceError;
 use capture::calibrate::{
-    Beside, Board, Calibrated, Found, LeftOut, Observed, Shots, Sure, calibrate, read,
+    Beside, Board, Calibrated, Found, LeftOut, Observed, Reader, Shots, Sure, calibrate,
 };
 use capture::{Layout, Piece};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -174,12 +174,10 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Observed<'a> 
         ProgressBar::new(shots.count() as u64)
             .with_style(style.unwrap_or(ProgressStyle::default_bar()))
     });
-    let images: Vec<&Piece> = shots
-        .shots
-        .iter()
-        .flat_map(|shot| &shot.images)
-        .flatten()
-        .collect();
+    let images = shots.shots.iter().flat_map(|shot| &shot.images).flatten();
+    let images: Vec<&Piece> = images.collect();
+    let files: Vec<&Path> = images.iter().map(|piece| piece.path.as_path()).collect();
+    let reader = Reader::new(&files);
     let next = AtomicUsize::new(0);
     let look = || {
         let mut found = Vec::new();
@@ -189,7 +187,7 @@ fn observe<'a>(board: &Board, shots: &'a Shots, is_quiet: bool) -> Observed<'a> 
                 return found;
             };
             // One that cannot be read is told with those on which no board is found.
-            let sighting = match read(piece) {
+            let sighting = match reader.read(piece) {
                 Ok((size, pixels)) => board.find(size, &pixels),
                 Err(error) => Err(error.to_string()),
             };

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use capture::alignment::{Followed, Ready, Rows, Sighted, Steps, residual, rows, steps};
+use capture::look::Finding;
 use capture::{Mode, Source};
 use messages::{Calibration, Edge, Image, Owned, Rail, Sway};
 use serde::Serialize;
@@ -12,6 +13,7 @@ use serde_json::json;
 
 use crate::cli::CheckGeometry as Args;
 use crate::graph::{Graph, Overrides};
+use crate::look::{Found, Looked, Stand, rows_of};
 use crate::offline::{curve_points, settings};
 use crate::{Failure, Outcome};
 
@@ -52,8 +54,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             crate::say!("{notice}");
         }
     }
-    let measured = measured(&graph, &mut source)?;
-    let report = Report::of(&measured);
+    let rows = rows_of(&source, SCENES);
+    let looked = Looked::at_rows(&mut source, &rows, capture.calibration.is_some());
+    let measured = measured(&graph, &mut source, &rows)?;
+    let report = Report::of(&measured, &looked);
     let on_output = args.output.as_deref() == Some(Path::new("-"));
     match args.json {
         true => super::print_json(&report)?,
@@ -73,7 +77,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     Ok(match report.verdict {
         Verdict::Works | Verdict::CoversLess => Outcome::Done,
-        Verdict::Reversed | Verdict::RectifyFirst | Verdict::Unknown => Outcome::Failed,
+        _ => Outcome::Failed,
     })
 }
 
@@ -128,63 +132,6 @@ fn write(
     super::calibrate::write(output, &text)
 }
 
-/// One of the images that stand in a row.
-#[derive(Clone, Copy, Debug)]
-struct Stand {
-    /// Baselines to the right of any one place.
-    place: f64,
-    scan: u64,
-    view: usize,
-}
-
-/// The rows of images that are looked at, each left to right: a rig's first scans; of a rail triples from all along it.
-fn rows_of(source: &Source) -> Vec<Vec<Stand>> {
-    if let Some(rail) = source.rail() {
-        return triples(source, rail);
-    }
-    let stand = |scan: u64, view: usize| Stand {
-        place: view as f64,
-        scan,
-        view,
-    };
-    let row = |scan| {
-        (0..source.view_count())
-            .map(|view| stand(scan, view))
-            .collect()
-    };
-    (0..source.scenes().min(SCENES)).map(row).collect()
-}
-
-/// Some of the triples that a rail's frames form.
-fn triples(source: &Source, rail: Rail) -> Vec<Vec<Stand>> {
-    let baseline_m = source.calibration().map_or(1.0, |camera| camera.baseline_m);
-    let of_frame = |frame: u64| {
-        let frames = [frame, frame - rail.stride, frame - rail.reach()];
-        let [Some(newest), Some(middle), Some(oldest)] =
-            frames.map(|frame| source.position_m(frame))
-        else {
-            return None;
-        };
-        let places_m = [newest, middle, oldest];
-        matching::rail::triple(&rail, places_m, baseline_m).ok()?;
-        let stands = places_m.into_iter().zip(frames);
-        let mut stands: Vec<_> = stands
-            .map(|(place_m, scan)| Stand {
-                place: place_m / baseline_m,
-                scan,
-                view: 0,
-            })
-            .collect();
-        stands.sort_by(|a, b| a.place.total_cmp(&b.place));
-        Some(stands)
-    };
-    let all: Vec<_> = (rail.reach()..source.scenes())
-        .filter_map(of_frame)
-        .collect();
-    let apart = all.len().div_ceil(SCENES as usize).max(1);
-    all.into_iter().step_by(apart).collect()
-}
-
 /// What was followed between neighbours, by their names.
 #[derive(Default)]
 struct Measured {
@@ -211,7 +158,7 @@ fn named<T>(all: &mut Vec<(String, Vec<T>)>, name: String) -> &mut Vec<T> {
 }
 
 /// Follows points of every inner view into both its neighbours.
-fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
+fn measured(graph: &Graph, source: &mut Source, rows: &[Vec<Stand>]) -> Result<Measured, Failure> {
     let rail = source.rail();
     let drift = rail.map_or(0.0, |rail| rail.drift_px);
     let mut measured = Measured {
@@ -219,7 +166,7 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
         ..Measured::default()
     };
     let mut sighted: Vec<Sighted> = Vec::new();
-    for row in rows_of(source) {
+    for row in rows {
         // As they are asked for with --views.
         let numbers: Vec<u32> = source
             .views(row[0].scan)
@@ -227,7 +174,7 @@ fn measured(graph: &Graph, source: &mut Source) -> Result<Measured, Failure> {
             .map(|place| place.number)
             .collect();
         let mut images = Vec::with_capacity(row.len());
-        for stand in &row {
+        for stand in row {
             let mut image = Owned::<Image>::new(source.size_of(stand.scan));
             image
                 .fill(|room| source.read(stand.scan, stand.view, room))
@@ -357,8 +304,30 @@ enum Verdict {
     Works,
     CoversLess,
     Reversed,
+    OutOfOrder,
+    Constant,
+    Identical,
+    OddView,
+    NothingInCommon,
+    NoStep,
     RectifyFirst,
     Unknown,
+}
+
+impl Verdict {
+    /// What makes a scan no stereo at all; `None` of rows that are off, which are measured thoroughly.
+    fn of(finding: &Finding) -> Option<Self> {
+        Some(match finding {
+            Finding::Constant { .. } => Self::Constant,
+            Finding::Identical { .. } => Self::Identical,
+            Finding::Odd { .. } => Self::OddView,
+            Finding::Apart { .. } => Self::NothingInCommon,
+            Finding::Still { .. } => Self::NoStep,
+            Finding::Order { order } if order.is_sorted_by(|a, b| a > b) => Self::Reversed,
+            Finding::Order { .. } => Self::OutOfOrder,
+            Finding::Rows { .. } => return None,
+        })
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -375,6 +344,9 @@ struct Report {
     residual: Vec<Residual>,
     /// Nearly the least and nearly the greatest disparity, in pixels a step.
     disparities_px: Option<[f64; 2]>,
+    /// What makes a scan no stereo, of each that was looked at.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    no_stereo: Vec<Found>,
     #[serde(skip)]
     is_rail: bool,
 }
@@ -415,7 +387,7 @@ struct Inner {
 }
 
 impl Report {
-    fn of(measured: &Measured) -> Self {
+    fn of(measured: &Measured, looked: &Looked) -> Self {
         let pairs = measured.pairs.iter().map(|(between, followed)| {
             let rows: Option<Rows> = rows(followed);
             Pair {
@@ -461,6 +433,7 @@ impl Report {
             steps: inner.collect(),
             residual: residual.collect(),
             disparities_px: disparities(measured),
+            no_stereo: looked.no_stereo().cloned().collect(),
             is_rail: measured.is_rail,
         };
         (report.verdict, report.says) = report.judged();
@@ -485,6 +458,12 @@ impl Report {
 
     /// The worst figure decides.
     fn judged(&self) -> (Verdict, String) {
+        let first = self.no_stereo.first();
+        if let Some((found, verdict)) =
+            first.and_then(|found| Some((found, Verdict::of(&found.finding)?)))
+        {
+            return (verdict, found.says.clone());
+        }
         let least = self.pairs.iter().map(|pair| pair.points);
         let least = least
             .chain(self.steps.iter().map(|inner| inner.points))
@@ -600,6 +579,10 @@ impl Report {
                 "",
                 "",
             ]);
+        }
+        // One of them is what it amounts to.
+        for found in self.no_stereo.iter().skip(1) {
+            text += &format!("{}\n", found.says);
         }
         text + &self.says + "\n"
     }

@@ -124,6 +124,7 @@ fn evaluated(
     view: usize,
 ) -> Result<SceneReport, Failure> {
     let (mut source, truth) = scene.open(graph, view)?;
+    scene.say_look(graph, &mut source);
     let scan = Tabulated::of(graph, &mut source, scene.scan)?;
     let mut evaluator = Evaluator::new(&settings(graph, "evaluate")?);
     let settings = |method: Method| matching::Settings {

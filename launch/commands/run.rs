@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use crate::cli::{Profile, Run as Args};
 use crate::graph::{Graph, Overrides};
 use crate::launcher::{Launch, launch};
+use crate::look::Looked;
 use crate::said::Early;
 use crate::{Failure, Outcome};
 
@@ -22,7 +23,7 @@ const NAMES: u64 = 10_000;
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let Planned {
         graph,
-        source,
+        mut source,
         rig,
         scans,
         places,
@@ -34,6 +35,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         said.say(Level::Info, "capture", table);
     }
     say_notices(&source, &mut said);
+    look(&graph, &mut source, args.force_unrectified, &mut said)?;
     let (ran, _) = launch(Launch {
         graph: &graph,
         rig,
@@ -95,6 +97,10 @@ pub(super) fn plan(
     let source = open_source(&graph)?;
     let mut said = Early::default();
     settle_rail(&mut graph, &source, &mut said);
+    // So that nobody has to find it out again, and that it is recorded.
+    if let Some(bits) = source.bits() {
+        graph.fill_in("capture", "bits", bits);
+    }
     settle_truth(&mut graph, &source)?;
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;
@@ -239,6 +245,36 @@ fn say_notices(source: &Source, said: &mut Early) {
     for warning in source.warnings() {
         said.say(Level::Warn, "capture", warning.to_string());
     }
+}
+
+/// Looks at the first scans before anything runs: says what is wrong with them, and refuses what cannot be matched.
+fn look(
+    graph: &Graph,
+    source: &mut Source,
+    is_forced: bool,
+    said: &mut Early,
+) -> Result<(), Failure> {
+    let capture = graph.settings_of("capture");
+    let spec = capture.get("source").and_then(Value::as_str);
+    let spec = spec.unwrap_or_default();
+    // Rendered scenes are rectified; of nothing that is not matched rows need be aligned.
+    if spec.starts_with("scene:") || !graph.has("match") {
+        return Ok(());
+    }
+    let is_set = |key| capture.get(key).is_some_and(|value| !value.is_null());
+    let judged = Looked::at(source, is_set("calibration")).judged(spec);
+    for warning in judged.warnings {
+        said.say(Level::Warn, "capture", warning);
+    }
+    match judged.refusal {
+        Some(why) if is_forced => said.say(Level::Warn, "capture", why),
+        Some(why) => {
+            let text = format!("{why} (--force-unrectified runs nevertheless)");
+            return Err(Failure::failed(text));
+        }
+        None => {}
+    }
+    Ok(())
 }
 
 fn rig(graph: &Graph, source: &Source) -> Result<Rig, Failure> {

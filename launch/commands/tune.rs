@@ -116,6 +116,9 @@ fn measure(graphs: &[Graph], scene: &Scene, has_truth: bool) -> Result<Vec<Measu
         let stages = ["filter", "track", "hough"].map(|node| graph.settings_of(node).clone());
         if !before.as_ref().is_some_and(|(known, _)| *known == stages) {
             let mut source = scene.source(graph)?;
+            if before.is_none() {
+                scene.say_look(graph, &mut source);
+            }
             let scan = Tabulated::of(graph, &mut source, scene.scan)?;
             before = Some((stages.to_vec(), scan));
         }

@@ -6,7 +6,7 @@ use capture::{Layout, Source};
 use serde::Serialize;
 
 use crate::graph::Graph;
-use crate::{Failure, Outcome};
+use crate::{Failure, Outcome, look};
 
 /// A scene: where it comes from, opened only when it is its turn.
 #[derive(Clone, Debug)]
@@ -63,6 +63,13 @@ impl Scene {
                 "the truth of the reference view is not known, that of {other} is: --reference {name}"
             ),
             None => "no truth is known of these views".to_owned(),
+        }
+    }
+
+    /// Says what a look at its views finds, which cannot be told from its figures.
+    pub(crate) fn say_look(&self, graph: &Graph, source: &mut Source) {
+        if !self.is_rendered {
+            look::say(source, self.scan, graph, &self.name);
         }
     }
 

@@ -36,6 +36,11 @@ const MISTAKEN: f64 = 1.0;
 const SPREAD: f64 = 1.0;
 /// What a shift must leave of the median difference to be believed: a turned picture looks like a little of both.
 const CLEARER: f64 = 0.7;
+/// The least change of gray levels that makes a corner, and by how much it must exceed what noise leaves of its square.
+const CORNER: f32 = 0.25;
+const OVER_NOISE: f32 = 0.1;
+/// One of so many pixels is looked at to see how much noise there is.
+const SAMPLED: usize = 7;
 /// Rounds after which a line of least absolute differences changes no more.
 const ROUNDS: usize = 20;
 /// Differences in disparity, in pixels, below which all weigh the same.
@@ -45,6 +50,8 @@ const SURE: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub struct Ready {
     levels: Vec<Gray>,
+    /// Standard deviation of the noise, and of what is as fine, in gray levels.
+    noise: f32,
 }
 
 #[derive(Clone, Debug)]
@@ -87,6 +94,42 @@ impl Gray {
             Self { pixels, ..*from }
         };
         along(&along(self, 1, 0), 0, 1)
+    }
+
+    /// Standard deviation of noise: the median of what differs from planes and from what turns along both axes (Immerkær 1996).
+    fn noise(&self) -> f32 {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let mut seen = Vec::with_capacity(width * height / SAMPLED);
+        for at in (width + 1..(width * height).saturating_sub(width + 1)).step_by(SAMPLED) {
+            let row = |at: usize, [side, middle]: [f32; 2]| {
+                side * (self.pixels[at - 1] + self.pixels[at + 1]) + middle * self.pixels[at]
+            };
+            let edges = row(at - width, [1.0, -2.0]) + row(at + width, [1.0, -2.0]);
+            seen.push((edges + row(at, [-2.0, 4.0])).abs());
+        }
+        let middle = seen.len() / 2;
+        if seen.is_empty() {
+            return 0.0;
+        }
+        let (_, median, _) = seen.select_nth_unstable_by(middle, f32::total_cmp);
+        // The mask multiplies a standard deviation by six.
+        1.4826 * *median / 6.0
+    }
+
+    /// How much gray levels change around a pixel in the direction in which they change least: squared, a pixel.
+    fn corner(&self, x: i32, y: i32) -> f32 {
+        let [mut xx, mut xy, mut yy] = [0.0f32; 3];
+        for j in y - 2..=y + 2 {
+            for i in x - 2..=x + 2 {
+                let across = (self.at(i + 1, j) - self.at(i - 1, j)) / 2.0;
+                let down = (self.at(i, j + 1) - self.at(i, j - 1)) / 2.0;
+                xx += across * across;
+                xy += across * down;
+                yy += down * down;
+            }
+        }
+        let (middle, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
+        (middle - half.hypot(xy)) / 25.0
     }
 
     /// Half as wide and high; pixel n of it lies at pixel 2n.
@@ -160,33 +203,67 @@ impl Ready {
             height: size.height as i32,
             pixels: pixels.iter().map(|&value| value.into()).collect(),
         }];
+        let noise = levels[0].noise();
         while levels.len() < LEVELS {
             let half = levels[levels.len() - 1].halved();
             levels.push(half);
         }
         // The finest level is placed between pixels.
         levels[0] = levels[0].softened();
-        Self { levels }
+        Self { levels, noise }
     }
 
     /// Where a point (column, row) of this view lies in another: by how many columns and rows further. `None` where that is
     /// not sure.
-    pub fn follow(&self, other: &Self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-        let whole = [x.round() as i32, y.round() as i32];
+    pub fn follow(&self, other: &Self, at: [f64; 2]) -> Option<[f64; 2]> {
+        let roughly = self.roughly(other, at)?;
+        self.placed(other, at, roughly.by)
+    }
+
+    /// Where a point lies in another view, on the coarsest level. `None` where nothing there is like it.
+    pub(crate) fn roughly(&self, other: &Self, [x, y]: [f64; 2]) -> Option<Roughly> {
         let coarse = LEVELS - 1;
-        let columns = self.levels[coarse].width / 4;
-        let mut found = [0, 0];
-        for level in (0..LEVELS).rev() {
+        let (own, gray) = (&self.levels[coarse], &other.levels[coarse]);
+        let at = [x, y].map(|v| v.round() as i32 >> coarse);
+        let surroundings = Surroundings::of(own, at[0], at[1])?;
+        let columns = own.width / 4;
+        let mut best = (LIKE, None);
+        let mut likes = Vec::with_capacity(((2 * columns + 1) * (2 * ROWS + 1)) as usize);
+        for row in -ROWS..=ROWS {
+            for column in -columns..=columns {
+                let like = surroundings.like(gray, at[0] + column, at[1] + row);
+                likes.push(like);
+                if like > best.0 {
+                    best = (like, Some([column, row]));
+                }
+            }
+        }
+        let (like, by) = (best.0, best.1?);
+        let across = 2 * columns + 1;
+        let is_far = |at: i32| {
+            (at % across - columns - by[0]).abs() > 2 || (at / across - ROWS - by[1]).abs() > 2
+        };
+        let elsewhere = likes.iter().zip(0..).filter(|(_, at)| is_far(*at));
+        let second = elsewhere.map(|(like, _)| *like).fold(0.0, f64::max);
+        Some(Roughly { by, like, second })
+    }
+
+    /// Where a point lies in another view exactly, from where it is on the coarsest level.
+    pub(crate) fn placed(
+        &self,
+        other: &Self,
+        [x, y]: [f64; 2],
+        roughly: [i32; 2],
+    ) -> Option<[f64; 2]> {
+        let whole = [x.round() as i32, y.round() as i32];
+        let mut found = roughly.map(|v| 2 * v);
+        for level in (0..LEVELS - 1).rev() {
             let (own, gray) = (&self.levels[level], &other.levels[level]);
             let at = whole.map(|v| v >> level);
             let surroundings = Surroundings::of(own, at[0], at[1])?;
-            let reach = match level == coarse {
-                true => [columns, ROWS],
-                false => [2, 2],
-            };
             let mut best = (LIKE, None);
-            for row in -reach[1]..=reach[1] {
-                for column in -reach[0]..=reach[0] {
+            for row in -2..=2 {
+                for column in -2..=2 {
                     let by = [found[0] + column, found[1] + row];
                     let like = surroundings.like(gray, at[0] + by[0], at[1] + by[1]);
                     if like > best.0 {
@@ -208,6 +285,41 @@ impl Ready {
         let is_back = (placed[1] + back[1]).abs() < 0.25 && (placed[0] + back[0]).abs() < 0.5;
         (is_back && rest[0].abs() <= 0.5).then_some(placed)
     }
+
+    /// Points (column, row) whose surroundings fix both directions, the best of every cell of so many pixels, row by row.
+    pub(crate) fn corners(&self, cell: usize) -> Vec<[f64; 2]> {
+        let gray = &self.levels[1];
+        let (width, height, cell) = (gray.width, gray.height, (cell as i32 / 2).max(4));
+        let edge = PATCH / 2 + 2;
+        let least = CORNER.max(OVER_NOISE * self.noise * self.noise);
+        let mut corners = Vec::new();
+        for top in (edge..height - edge).step_by(cell as usize) {
+            for left in (edge..width - edge).step_by(cell as usize) {
+                let (mut best, mut at) = (least, None);
+                for y in (top..(top + cell).min(height - edge)).step_by(2) {
+                    for x in (left..(left + cell).min(width - edge)).step_by(2) {
+                        let strength = gray.corner(x, y);
+                        if strength > best {
+                            (best, at) = (strength, Some([x, y]));
+                        }
+                    }
+                }
+                corners.extend(at.map(|at| at.map(|v| f64::from(2 * v))));
+            }
+        }
+        corners
+    }
+}
+
+/// Where a point is found on the coarsest level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Roughly {
+    /// Columns and rows of that level.
+    pub(crate) by: [i32; 2],
+    /// The correlation there.
+    pub(crate) like: f64,
+    /// The best elsewhere.
+    pub(crate) second: f64,
 }
 
 /// Unknowns of placing: columns at the middle, their change along columns and along rows, rows, gain, offset.

@@ -66,7 +66,7 @@ pub enum SourceError {
 
     /// Nothing usable in the folder.
     #[error(
-        "{} holds no images{}; expected are PNG, JPEG, PGM, PPM or TIFF files, or folders of them",
+        "{} holds no images{}; expected are PNG, JPEG, PGM, PPM, TIFF, BMP or WebP files, or folders of them",
         path.display(),
         match others { 0 => String::new(), 1 => ", only one other file".to_owned(), n => format!(", only {n} other files") }
     )]
@@ -258,11 +258,20 @@ pub enum SourceError {
         why: String,
     },
 
-    /// Pixels that are not 8 or 16 bit.
-    #[error("{} has floating-point pixels; convert it to 8 or 16 bit", path.display())]
-    FloatingPoint {
+    /// Pixels that are numbers of which none can be taken for white.
+    #[error(
+        "{} has pixels that are {}; expected are numbers from 0 to 1, to 255 or to what 10, 12, 14 or 16 bit hold: convert it to 8 or 16 bit",
+        path.display(),
+        match range {
+            Some([least, most]) => format!("numbers, nearly all from {least} to {most}"),
+            None => "no numbers (NaN)".to_owned(),
+        }
+    )]
+    Numbers {
         /// The file.
         path: PathBuf,
+        /// The least and nearly the greatest.
+        range: Option<[f32; 2]>,
     },
 
     /// Too small for a curve.

@@ -62,7 +62,7 @@ impl fmt::Display for Fault {
             Self::Dark(share) => write!(
                 f,
                 "is nearly black: {:.0} % of its pixels are below {BLACK} of 255; raise its exposure or gain, or, where 16 bits \
-                 hold 10 or 12, scale them",
+                 hold fewer, set capture.bits",
                 100.0 * share
             ),
         }

@@ -1,6 +1,10 @@
-//! Images in files: what their heads say, and their pixels as 8-bit gray.
+//! Images in files: what their heads say, and their pixels.
 
-use std::fs;
+mod jpeg_end;
+mod numbers;
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use image::error::ImageError;
@@ -9,11 +13,14 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use messages::Size;
 
 use crate::error::{LEAST_SIDE, MOST_PIXELS, SourceError};
+use crate::levels::{Gray, Levels};
 
 /// The endings of file names that are taken for images.
-const ENDINGS: [&str; 9] = [
-    "png", "jpg", "jpeg", "pgm", "ppm", "pnm", "pbm", "tif", "tiff",
+const ENDINGS: [&str; 11] = [
+    "png", "jpg", "jpeg", "pgm", "ppm", "pnm", "pbm", "tif", "tiff", "bmp", "webp",
 ];
+/// Bytes of a PNM's head that are looked at: comments may be long.
+const PNM_HEAD: u64 = 4096;
 
 /// Whether a file's name ends like an image's.
 pub(crate) fn is_image(path: &Path) -> bool {
@@ -28,38 +35,135 @@ pub(crate) fn is_image(path: &Path) -> bool {
 pub(crate) struct Head {
     pub(crate) size: Size,
     pub(crate) is_colour: bool,
+    /// Whether it has more than 8 bit.
     pub(crate) is_deep: bool,
+    pub(crate) depth: Depth,
+}
+
+/// What an image's pixels are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Depth {
+    /// 8 bit.
+    Bytes,
+    /// 16 bit, of which fewer may be used.
+    Deep,
+    /// Floating-point numbers, or integers of another kind.
+    Numbers,
+}
+
+/// An image's gray levels as they are in its file.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Samples {
+    Bytes(Vec<u8>),
+    Deep {
+        values: Vec<u16>,
+        /// Whether the file itself says what white is, and they were scaled by it.
+        is_full: bool,
+    },
+    Numbers(Vec<f32>),
+}
+
+/// A decoded image, row by row, the way up that its camera says.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Decoded {
+    pub(crate) size: Size,
+    pub(crate) samples: Samples,
 }
 
 /// Reads an image's head and refuses what cannot be used, before any pixel is decoded.
 pub(crate) fn head(path: &Path) -> Result<Head, SourceError> {
-    let (mut decoder, _) = open(path, None)?;
-    head_of(path, &mut decoder, None)
+    match open(path, None)? {
+        Opened::Image(mut decoder, _) => head_of(path, &mut decoder, None),
+        Opened::Numbers(file) => checked(path, file.head()),
+    }
 }
 
-/// Decodes an image into 8-bit gray, row by row, the way up that its camera says.
-pub(crate) fn pixels(path: &Path, scan: Option<u64>) -> Result<(Size, Vec<u8>), SourceError> {
-    let (mut decoder, format) = open(path, scan)?;
+/// Decodes an image into 8-bit gray.
+pub(crate) fn pixels(
+    path: &Path,
+    levels: &Levels,
+    scan: Option<u64>,
+) -> Result<(Size, Gray), SourceError> {
+    let Decoded { size, samples } = decoded(path, scan)?;
+    Ok((size, levels.gray(samples)))
+}
+
+/// Decodes an image into gray levels as they are in its file.
+pub(crate) fn decoded(path: &Path, scan: Option<u64>) -> Result<Decoded, SourceError> {
+    let (mut decoder, format) = match open(path, scan)? {
+        Opened::Image(decoder, format) => (decoder, format),
+        Opened::Numbers(file) => {
+            checked(path, file.head())?;
+            return file.decoded().map_err(|why| damaged(path, scan, why));
+        }
+    };
     let head = head_of(path, &mut decoder, scan)?;
     if format == Some(ImageFormat::Jpeg)
-        && !is_whole_jpeg(&fs::read(path).map_err(SourceError::io(path))?)
+        && !jpeg_end::is_whole(&fs::read(path).map_err(SourceError::io(path))?)
     {
         let why = "it ends before its last row".to_owned();
-        return Err(SourceError::Unreadable {
-            path: path.to_owned(),
-            scan,
-            why,
-        });
+        return Err(damaged(path, scan, why));
     }
     let turn = decoder.orientation().map_err(unreadable(path, scan))?;
     let mut image = DynamicImage::from_decoder(decoder).map_err(unreadable(path, scan))?;
     image.apply_orientation(turn);
-    Ok((head.size, image.into_luma8().into_raw()))
+    let samples = match head.depth {
+        Depth::Bytes => Samples::Bytes(image.into_luma8().into_raw()),
+        Depth::Deep => Samples::Deep {
+            values: image.into_luma16().into_raw(),
+            is_full: format == Some(ImageFormat::Pnm) && says_white(path)?,
+        },
+        Depth::Numbers => Samples::Numbers(numbers::gray(&image.into_rgb32f())),
+    };
+    Ok(Decoded {
+        size: head.size,
+        samples,
+    })
+}
+
+/// How many bits of its 16 a PNG itself calls significant.
+pub(crate) fn significant_bits(path: &Path) -> Option<u8> {
+    let file = BufReader::new(File::open(path).ok()?);
+    let reader = png::Decoder::new(file).read_info().ok()?;
+    let said = reader.info().sbit.as_deref()?;
+    said.iter().copied().max()
+}
+
+/// Whether a PNM says of what fewer than 16 bits hold that it is white; then it was scaled by that.
+fn says_white(path: &Path) -> Result<bool, SourceError> {
+    let file = File::open(path).map_err(SourceError::io(path))?;
+    Ok(greatest(BufReader::new(file.take(PNM_HEAD))).is_some_and(|most| most < 65_535))
+}
+
+/// The greatest value that the head of a PNM allows.
+fn greatest(head: impl BufRead) -> Option<u32> {
+    let (mut words, mut is_arbitrary) = (Vec::new(), false);
+    // Only its first lines are text.
+    for line in head.split(b'\n').map_while(Result::ok) {
+        let line = String::from_utf8_lossy(&line);
+        let text = line.split('#').next().unwrap_or_default();
+        words.extend(text.split_ascii_whitespace().map(str::to_owned));
+        is_arbitrary |= words.first().is_some_and(|magic| magic == "P7");
+        match is_arbitrary {
+            true => {
+                let at = words.iter().position(|word| word == "MAXVAL");
+                if let Some(said) = at.and_then(|at| words.get(at + 1)) {
+                    return said.parse().ok();
+                }
+            }
+            // Magic, width, height, greatest value.
+            false if words.len() > 3 => return words[3].parse().ok(),
+            false => {}
+        }
+    }
+    None
 }
 
 /// Decodes a single-channel 16-bit image as it is; `None` for any other kind.
 pub(crate) fn deep_pixels(path: &Path) -> Result<Option<(Size, Vec<u16>)>, SourceError> {
-    let (decoder, _) = open(path, None)?;
+    let Opened::Image(decoder, _) = open(path, None)? else {
+        return Ok(None);
+    };
     match DynamicImage::from_decoder(decoder).map_err(unreadable(path, None))? {
         DynamicImage::ImageLuma16(image) => Ok(Some((
             Size::new(image.width(), image.height()),
@@ -71,7 +175,9 @@ pub(crate) fn deep_pixels(path: &Path) -> Result<Option<(Size, Vec<u16>)>, Sourc
 
 /// Decodes an 8-bit gray image as it is; `None` for one of any other depth or in colour.
 pub(crate) fn gray_pixels(path: &Path) -> Result<Option<(Size, Vec<u8>)>, SourceError> {
-    let (decoder, _) = open(path, None)?;
+    let Opened::Image(decoder, _) = open(path, None)? else {
+        return Ok(None);
+    };
     let image = DynamicImage::from_decoder(decoder).map_err(unreadable(path, None))?;
     let size = Size::new(image.width(), image.height());
     Ok(match image {
@@ -84,10 +190,13 @@ pub(crate) fn gray_pixels(path: &Path) -> Result<Option<(Size, Vec<u8>)>, Source
     })
 }
 
-fn open(
-    path: &Path,
-    scan: Option<u64>,
-) -> Result<(impl ImageDecoder, Option<ImageFormat>), SourceError> {
+/// A file whose head was read.
+enum Opened {
+    Image(Box<dyn ImageDecoder>, Option<ImageFormat>),
+    Numbers(Box<numbers::File>),
+}
+
+fn open(path: &Path, scan: Option<u64>) -> Result<Opened, SourceError> {
     let mut reader = ImageReader::open(path)
         .and_then(ImageReader::with_guessed_format)
         .map_err(SourceError::io(path))?;
@@ -96,10 +205,15 @@ fn open(
     limits.max_alloc = Some(MOST_PIXELS * 8 + (64 << 20));
     reader.limits(limits);
     let format = reader.format();
-    Ok((
-        reader.into_decoder().map_err(unreadable(path, scan))?,
-        format,
-    ))
+    match reader.into_decoder() {
+        Ok(decoder) => Ok(Opened::Image(Box::new(decoder), format)),
+        Err(error) => match format {
+            Some(ImageFormat::Tiff) if let Some(file) = numbers::File::open(path) => {
+                Ok(Opened::Numbers(Box::new(file)))
+            }
+            _ => Err(unreadable(path, scan)(error)),
+        },
+    }
 }
 
 fn head_of(
@@ -121,20 +235,28 @@ fn head_of(
         Size::new(width, height)
     };
     let colour = decoder.color_type();
-    let size = fitting(path, size)?;
-    let path = || path.to_owned();
-    if u64::from(size.width) * u64::from(size.height) > MOST_PIXELS {
-        return Err(SourceError::TooLarge { path: path(), size });
-    }
     let bytes = colour.bytes_per_pixel() / colour.channel_count();
-    if bytes > 2 {
-        return Err(SourceError::FloatingPoint { path: path() });
-    }
-    Ok(Head {
+    let depth = match bytes {
+        1 => Depth::Bytes,
+        2 => Depth::Deep,
+        _ => Depth::Numbers,
+    };
+    let head = Head {
         size,
         is_colour: colour.has_color(),
-        is_deep: bytes == 2,
-    })
+        is_deep: depth != Depth::Bytes,
+        depth,
+    };
+    checked(path, head)
+}
+
+/// Refuses what is too small or too large.
+fn checked(path: &Path, head: Head) -> Result<Head, SourceError> {
+    let (size, path) = (fitting(path, head.size)?, path.to_owned());
+    if u64::from(size.width) * u64::from(size.height) > MOST_PIXELS {
+        return Err(SourceError::TooLarge { path, size });
+    }
+    Ok(head)
 }
 
 /// A size that holds a curve.
@@ -150,23 +272,33 @@ pub(crate) fn fitting(path: &Path, size: Size) -> Result<Size, SourceError> {
 
 fn unreadable(path: &Path, scan: Option<u64>) -> impl FnOnce(ImageError) -> SourceError {
     let path = path.to_owned();
-    move |error| SourceError::Unreadable {
-        path,
+    move |error| damaged(&path, scan, error.to_string())
+}
+
+fn damaged(path: &Path, scan: Option<u64>, why: String) -> SourceError {
+    SourceError::Unreadable {
+        path: path.to_owned(),
         scan,
-        why: error.to_string(),
+        why,
     }
 }
 
-/// Whether a JPEG's data goes on to its end mark: the decoder would fill in gray for what is missing.
-fn is_whole_jpeg(bytes: &[u8]) -> bool {
-    // Segments, each with its length, up to the first scan's data; thumbnails are inside them.
-    let mut at = 2;
-    while let Some(&[0xff, kind, high, low]) = bytes.get(at..at + 4) {
-        at += 2 + usize::from(u16::from_be_bytes([high, low]));
-        if kind == 0xda {
-            break;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_head_of_a_pnm_says_what_white_is() {
+        for (head, most) in [
+            ("P5\n# of a camera\n640 480\n4095\n", Some(4095)),
+            ("P5 640 480 1023\n", Some(1023)),
+            (
+                "P7\nWIDTH 4\nHEIGHT 4\nDEPTH 1\nMAXVAL 16383\nTUPLTYPE GRAYSCALE\nENDHDR\n",
+                Some(16383),
+            ),
+            ("P5\n640", None),
+        ] {
+            assert_eq!(greatest(head.as_bytes()), most, "{head}");
         }
     }
-    let data = bytes.get(at..).unwrap_or_default();
-    data.windows(2).any(|pair| pair == [0xff, 0xd9])
 }

@@ -24,8 +24,10 @@ mod exposure;
 mod folder;
 mod image_file;
 mod layout;
+mod levels;
 #[cfg(feature = "node")]
 mod live;
+pub mod look;
 mod middlebury;
 mod motion;
 mod names;

@@ -8,6 +8,7 @@
 
 mod bus;
 mod feed;
+mod glance;
 mod gray;
 #[cfg(feature = "gstreamer")]
 mod gstreamer;

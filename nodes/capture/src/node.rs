@@ -219,6 +219,7 @@ impl Capture {
             let (size, filled) = {
                 let mut room = loan.room()?;
                 let size = self.source.read(tick, view, &mut room)?;
+                self.doubts.extend(self.source.take_doubt());
                 self.doubts.extend(self.exposure.look(view, &room.pixels));
                 (size, Filled::of::<Image>(&room))
             };

@@ -8,6 +8,7 @@ use messages::Size;
 use crate::error::SourceError;
 use crate::image_file;
 use crate::layout::Layout;
+use crate::levels::Levels;
 use crate::motion::{Block, Costs, Picture};
 
 /// One of the views that a picture shows.
@@ -97,9 +98,11 @@ pub(crate) fn seen(images: &[PathBuf]) -> Result<Option<Layout>, SourceError> {
     if !is_row && aspect < WIDE {
         return Ok(None);
     }
-    let Ok((whole, pixels)) = image_file::pixels(first, None) else {
+    // How dark it is tells nothing here.
+    let Ok((whole, gray)) = image_file::pixels(first, &Levels::default(), None) else {
         return Ok(None);
     };
+    let pixels = gray.pixels;
     let cut = |count| {
         let share = share(first, whole, &pixels, count, is_row);
         (share >= FOUND).then(|| (count, seam(whole, &pixels, count, is_row)))

@@ -159,6 +159,9 @@ messages::settings! {
         /// fisheye) or none; where the file does not say it and their number leaves it open, it must be said. Counts before
         /// what the file says.
         pub lens: Option<LensModel> = None;
+        /// Bits in use of images that are filed in 16 and hold what a camera of 10, 12 or 14 bit gives, by which they are
+        /// scaled to 8; by default found out once, from the first scan's images and some of the others.
+        pub bits: Option<u32> = None, in 8..=16;
         /// Whether views are rectified where `calibration` is set; false shows them as they were taken.
         pub rectify: bool = true;
         /// Whether images are published as they were taken too, beside the rectified ones, as `camera/…/image_raw`.

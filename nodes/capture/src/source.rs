@@ -13,6 +13,7 @@ use crate::error::SourceError;
 use crate::folder::{self, Album, Choice, Found, Shot, Why};
 use crate::image_file;
 use crate::layout::Layout;
+use crate::levels::{self, Levels};
 #[cfg(feature = "node")]
 use crate::live;
 use crate::rail::{self, Passed, Rail, Unit};
@@ -38,6 +39,8 @@ pub struct Source {
     folder: Option<(PathBuf, Layout)>,
     notices: Vec<String>,
     warnings: Vec<String>,
+    /// Bits in use, where images are filed in 16.
+    bits: Option<u8>,
 }
 
 enum Kind {
@@ -144,6 +147,7 @@ impl Source {
             rectifier: None,
             notices: calibrated.notices,
             warnings: calibrated.warnings,
+            bits: None,
         })
     }
 
@@ -185,6 +189,7 @@ impl Source {
             notices: rail.notices.clone(),
             warnings: rail.warnings.clone(),
             rail: Some(rail),
+            bits: None,
         })
     }
 
@@ -221,6 +226,7 @@ impl Source {
             folder: None,
             rail: None,
             rectifier: None,
+            bits: None,
         })
     }
 
@@ -276,17 +282,19 @@ impl Source {
         let own = rectifier.as_ref().map(Rectifier::known);
         let views = albums[0].shots.len();
         let calibrated = calibration(settings, own.unwrap_or_default(), views, &sizes)?;
-        let (mut notices, mut warnings) = (notices(&albums), calibrated.warnings);
+        let levels = levels_of(&albums, settings)?;
+        let (mut notices, mut warnings) = (notices(&albums, &levels.notices), calibrated.warnings);
         notices.extend(calibrated.notices);
         notices.extend(found);
         warnings.extend(doubted);
         if let Some(rectifier) = &rectifier {
             rectifier.remark(&mut notices, &mut warnings);
         }
-        let mut kept = Kept::default();
+        let mut kept = Kept::new(levels.levels);
         for view in 0..albums[0].shots.len() {
             kept.pixels(&albums, 0, view, None)?;
         }
+        warnings.extend(kept.doubt.take());
         Ok(Self {
             rail: None,
             scans: settings.scans.unwrap_or(albums.len() as u64),
@@ -294,6 +302,7 @@ impl Source {
             rectifier: rectifier.filter(|_| settings.rectify),
             notices,
             warnings,
+            bits: levels.bits,
             kind: Kind::Folders { albums, kept },
             folder: Some((path.to_owned(), layout)),
         })
@@ -329,12 +338,13 @@ impl Source {
         let rectifier = Rectifier::open(settings, 1, &[size])?;
         let own = rectifier.as_ref().map(Rectifier::known);
         let camera = |in_metres| unit_camera(settings, in_metres, own.unwrap_or_default(), size);
-        let (mut notices, mut warnings) = (notices(&albums), read);
+        let levels = levels_of(&albums, settings)?;
+        let (mut notices, mut warnings) = (notices(&albums, &levels.notices), read);
         if let Some(rectifier) = &rectifier {
             rectifier.remark(&mut notices, &mut warnings);
         }
         let rectifier = rectifier.filter(|_| settings.rectify);
-        let mut kept = Kept::default();
+        let mut kept = Kept::new(levels.levels);
         let pixels = |frame| {
             let taken = kept.pixels(&albums, 0, frame, None)?;
             let mut pixels = vec![0; taken.len()];
@@ -344,12 +354,14 @@ impl Source {
         let rail = Rail::new(settings, passed, size, camera, pixels)?;
         notices.extend_from_slice(&rail.notices);
         warnings.extend_from_slice(&rail.warnings);
+        warnings.extend(kept.doubt.take());
         Ok(Self {
             scans: settings.scans.unwrap_or(rail.order.len() as u64),
             calibration: Some(rail.calibration),
             rectifier,
             notices,
             warnings,
+            bits: levels.bits,
             rail: Some(rail),
             kind: Kind::Folders { albums, kept },
             folder: Some((path.to_owned(), layout)),
@@ -505,6 +517,20 @@ impl Source {
     /// What makes results less than they could be: a missing calibration.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// Bits in use of images that are filed in 16, by which they are scaled to 8; `None` where there are none. Settings
+    /// that say so make whoever opens the source again take the same.
+    pub fn bits(&self) -> Option<u8> {
+        self.bits
+    }
+
+    /// What is to be said of the images that were read since: once a source, of one that holds more than what is in use.
+    pub fn take_doubt(&mut self) -> Option<String> {
+        match &mut self.kind {
+            Kind::Folders { kept, .. } => kept.doubt.take(),
+            _ => None,
+        }
     }
 
     /// Writes a chosen view of a scan into the room, 8-bit gray row by row, and says its size. The same scan and view
@@ -806,7 +832,7 @@ fn unit_camera(
 }
 
 /// What is to be said once about folders of images.
-fn notices(albums: &[Album]) -> Vec<String> {
+fn notices(albums: &[Album], of_levels: &[String]) -> Vec<String> {
     let mut notices = Vec::new();
     for why in [Why::FirstTriple, Why::FirstThree] {
         let chosen: Vec<&Album> = albums
@@ -839,15 +865,28 @@ fn notices(albums: &[Album]) -> Vec<String> {
     if albums.iter().any(|album| album.is_colour) {
         notices.push("colour images are converted to gray".to_owned());
     }
-    if albums.iter().any(|album| album.is_deep) {
-        notices.push("16-bit images are scaled to 8 bit".to_owned());
-    }
+    notices.extend_from_slice(of_levels);
     match albums.iter().map(|album| album.others).sum() {
         0 => {}
         1 => notices.push("one file of another type is ignored".to_owned()),
         others => notices.push(format!("{others} files of other types are ignored")),
     }
     notices
+}
+
+/// What is used of the gray levels of these folders' images.
+fn levels_of(albums: &[Album], settings: &Settings) -> Result<levels::Found, SourceError> {
+    let asked = settings.bits.and_then(|bits| u8::try_from(bits).ok());
+    let shots = albums.iter().flat_map(|album| &album.shots);
+    let files: Vec<&Path> = match asked.is_some() || albums.iter().any(|album| album.is_deep) {
+        true => shots.map(|shot| shot.path.as_path()).collect(),
+        false => Vec::new(),
+    };
+    let first_scan = match settings.mode {
+        Mode::Rig => albums[0].shots.len(),
+        Mode::Rail => 1,
+    };
+    levels::found(&files, first_scan, asked)
 }
 
 /// The truth that is filed for a view.
@@ -869,12 +908,15 @@ fn filed_truth(album: &Album, view: usize) -> Result<Option<Truth>, SourceError>
 }
 
 /// Decoded images, so that reading one again costs a copy; those unused for longest make room for others.
-#[derive(Default)]
 struct Kept {
+    levels: Levels,
     /// By scene and view.
     images: BTreeMap<(usize, usize), Image>,
     bytes: usize,
     reads: u64,
+    /// What is to be said of the first image that goes beyond white.
+    doubt: Option<String>,
+    has_doubted: bool,
 }
 
 struct Image {
@@ -885,6 +927,17 @@ struct Image {
 impl Kept {
     /// The most bytes kept: some hundred images of a megapixel.
     const MOST: usize = 256 << 20;
+
+    fn new(levels: Levels) -> Self {
+        Self {
+            levels,
+            images: BTreeMap::new(),
+            bytes: 0,
+            reads: 0,
+            doubt: None,
+            has_doubted: false,
+        }
+    }
 
     /// The pixels of a view; `scan` is named when they cannot be had.
     fn pixels(
@@ -897,7 +950,12 @@ impl Kept {
         let key = (album, view);
         if !self.images.contains_key(&key) {
             let Shot { path, part, .. } = &albums[album].shots[view];
-            let (mut size, mut pixels) = image_file::pixels(path, scan)?;
+            let (mut size, gray) = image_file::pixels(path, &self.levels, scan)?;
+            if let Some(beyond) = gray.beyond.filter(|_| !self.has_doubted) {
+                self.has_doubted = true;
+                self.doubt = Some(self.levels.doubt(path, scan, beyond));
+            }
+            let mut pixels = gray.pixels;
             let expected = albums[album].size;
             if let Some(part) = part {
                 pixels = part.of(size, &pixels);

@@ -304,7 +304,9 @@ fn a_left_cameras_file_leaves_the_baseline_open() {
     assert_eq!(camera.focal_px, 400.0);
     assert_eq!(
         source.warnings(),
-        ["depths are in arbitrary units: the baseline is unknown, 0.1 m are assumed; set capture.baseline"]
+        [
+            "depths are in arbitrary units: the baseline is unknown, 0.1 m are assumed; set capture.baseline"
+        ]
     );
     let settings = Settings {
         baseline: Some(0.25),

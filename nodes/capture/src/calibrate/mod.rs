@@ -17,6 +17,7 @@ mod start;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::path::Path;
 
 use glam::{DMat3, DVec2};
 use messages::Size;
@@ -28,6 +29,7 @@ pub use shots::{Shot, Shots};
 use crate::error::SourceError;
 use crate::image_file;
 use crate::layout::Piece;
+use crate::levels::{self, Levels};
 use solve::Pose;
 
 /// Sightings of a camera that tell enough.
@@ -162,15 +164,31 @@ pub struct Calibrated {
     mounts: Vec<Pose>,
 }
 
-/// Reads an image as 8-bit gray: its size and its pixels, row by row.
-///
-/// # Errors
-/// A file that cannot be read or is no such image.
-pub fn read(piece: &Piece) -> Result<(Size, Vec<u8>), SourceError> {
-    let (size, pixels) = image_file::pixels(&piece.path, None)?;
-    match piece.part {
-        Some(part) => Ok((part.size(&piece.path, size)?, part.of(size, &pixels))),
-        None => Ok((size, pixels)),
+/// Reads images as 8-bit gray: those of 16 bit are scaled by the bits in use, all of them alike.
+#[derive(Clone, Copy, Debug)]
+pub struct Reader {
+    levels: Levels,
+}
+
+impl Reader {
+    /// Looks at some of these images; what is wrong with one is said when it is read.
+    pub fn new(files: &[&Path]) -> Self {
+        let found = levels::found(files, 0, None);
+        Self {
+            levels: found.map_or(Levels::default(), |found| found.levels),
+        }
+    }
+
+    /// Reads an image: its size and its pixels, row by row.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no such image.
+    pub fn read(&self, piece: &Piece) -> Result<(Size, Vec<u8>), SourceError> {
+        let (size, gray) = image_file::pixels(&piece.path, &self.levels, None)?;
+        match piece.part {
+            Some(part) => Ok((part.size(&piece.path, size)?, part.of(size, &gray.pixels))),
+            None => Ok((size, gray.pixels)),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use messages::synchronisation::Synchronisation;
 use messages::{Delivery, Header, Image, NONE, Raw};
 
 use super::feed::{Feed, Frame, News, Open};
+use super::glance::Glances;
 use super::kept::{Kept, Pace};
 use super::{Way, cameras_of, opener};
 use crate::exposure::Exposure;
@@ -26,6 +27,8 @@ const PATIENCE: Duration = Duration::from_secs(3);
 const QUIET: Duration = Duration::from_secs(2);
 /// Scans in a row that must be ill exposed before it is said: a camera that begins looks for its exposure.
 const EXPOSURE_PATIENCE: u64 = 30;
+/// Looks in a row that must agree on what is wrong with the views.
+const LOOKS: u32 = 3;
 /// How long to wait for news when nothing else is to be done.
 const IDLE: Duration = Duration::from_millis(500);
 
@@ -60,6 +63,11 @@ pub(crate) fn run(
         skip: 0,
         failed: None,
         exposure: Exposure::new(names.iter().cloned(), patience),
+        // Along a rail views are frames of one camera.
+        glances: bus.run().rig.rail.is_none().then(|| {
+            let looks = if delivery == Delivery::Live { LOOKS } else { 1 };
+            Glances::new(&names, looks)
+        }),
         rectifier: rectifier.filter(|_| settings.rectify),
         motion: Motion {
             speed: settings.speed,
@@ -125,6 +133,7 @@ pub(crate) fn run(
         }
         let is_paused = is_held || !pause.lets_go() || next.is_some();
         watch.look(bus, &cameras, is_over || is_paused);
+        cameras.say_glances(bus, is_over);
         if is_over && cameras.gate.door().is_idle() && !has_finished {
             has_finished = true;
             if next.take().is_some() {
@@ -161,6 +170,7 @@ struct Cameras {
     skip: u64,
     failed: Option<String>,
     exposure: Exposure,
+    glances: Option<Glances>,
     /// Frames are kept as they came, and rectified when they go out.
     rectifier: Option<Rectifier>,
     /// Whether images are published as they were taken too.
@@ -323,8 +333,28 @@ impl Cameras {
                 bus.doubt(doubt);
             }
         }
+        if let Some(glances) = self.glances.as_mut().filter(|glances| glances.is_due()) {
+            let size = bus.run().rig.size;
+            let shown = scan.frames.iter().enumerate().map(|(view, frame)| {
+                let mut pixels = vec![0; frame.pixels.len()];
+                show(self.rectifier.as_ref(), view, &frame.pixels, &mut pixels);
+                pixels
+            });
+            glances.begin(shown.collect(), size);
+        }
         let under_way = self.gate.admit(bus);
         self.send(bus, under_way, scan)
+    }
+
+    /// Says what looks at the views found.
+    fn say_glances(&mut self, bus: &Bus, is_end: bool) {
+        let said = self
+            .glances
+            .as_mut()
+            .and_then(|glances| glances.said(is_end));
+        if let Some(said) = said {
+            bus.doubt(said);
+        }
     }
 
     /// Notes when a scan came.
