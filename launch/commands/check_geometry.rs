@@ -47,6 +47,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         for notice in source.notices() {
             crate::say!("{notice}");
         }
+        if let Some(damage) = source.damage() {
+            crate::say!("{damage}");
+        }
     }
     let measured = measured(&graph, &mut source)?;
     let report = Report::of(&measured);

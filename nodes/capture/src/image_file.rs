@@ -149,7 +149,7 @@ fn unreadable(path: &Path, scan: Option<u64>) -> impl FnOnce(ImageError) -> Sour
 }
 
 /// Whether a JPEG's data goes on to its end mark: the decoder would fill in gray for what is missing.
-fn is_whole_jpeg(bytes: &[u8]) -> bool {
+pub(crate) fn is_whole_jpeg(bytes: &[u8]) -> bool {
     // Segments, each with its length, up to the first scan's data; thumbnails are inside them.
     let mut at = 2;
     while let Some(&[0xff, kind, high, low]) = bytes.get(at..at + 4) {

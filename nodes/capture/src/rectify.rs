@@ -8,7 +8,7 @@
 use glam::DVec3;
 use messages::{Calibration, Size};
 
-use crate::calibration::{self, Camera, Geometry};
+use crate::calibration::{self, Camera, Geometry, Mounted};
 use crate::camera_info::Known;
 use crate::error::SourceError;
 use crate::settings::Settings;
@@ -212,10 +212,18 @@ impl Rectifier {
     fn read(files: &str, views: usize, sizes: &[Size]) -> Result<Self, SourceError> {
         let mounted = calibration::read(files, views, sizes)?;
         let size = sizes.first().copied().unwrap_or_default();
-        let geometry = Geometry::of(&mounted, size).map_err(|why| SourceError::CameraInfo {
+        Self::of(&mounted, size).map_err(|why| SourceError::CameraInfo {
             path: files.into(),
             why,
-        })?;
+        })
+    }
+
+    /// Works out the maps of these cameras, for images of this size.
+    ///
+    /// # Errors
+    /// Why they have no common geometry, as the second half of a sentence.
+    pub(crate) fn of(mounted: &[Mounted], size: Size) -> Result<Self, String> {
+        let geometry = Geometry::of(mounted, size)?;
         let Calibration {
             focal_px, cx, cy, ..
         } = geometry.calibration;

@@ -100,6 +100,17 @@ pub(crate) fn read(files: &str, views: usize, sizes: &[Size]) -> Result<Vec<Moun
     Ok(mounted)
 }
 
+/// The cameras of `camera_info` that came otherwise than in files, under the keys such files have, left to right; of images
+/// of this size.
+///
+/// # Errors
+/// What is wrong with them, as the second half of a sentence.
+pub(crate) fn of_infos(infos: &[Value], size: Size) -> Result<Vec<Mounted>, Why> {
+    let mounted = ros::cameras(&infos.iter().collect::<Vec<_>>())?;
+    check(&mounted, infos.len(), &[size])?;
+    Ok(mounted)
+}
+
 fn wrong(path: &Path) -> impl FnOnce(Why) -> SourceError {
     let path = path.to_owned();
     move |why| SourceError::CameraInfo { path, why }
