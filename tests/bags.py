@@ -237,7 +237,7 @@ def main(program, folder):
     by_odometry, said = points(program, folder, bag, *rail, "--position", "/odom")
     assert "(0.8000, 0.6000, 0.0000)" in said, said
     assert len(by_file) == len(by_odometry) > 10000, f"{len(by_odometry)} rows, {len(by_file)} by a file"
-    column = by_file[0].index("z")
+    column = by_file[0].index("depth")
     depths = np.array([[float(rows[n][column]) for rows in (by_file, by_odometry)] for n in range(1, len(by_file))])
     off = np.abs(depths[:, 1] / depths[:, 0] - 1).max()
     assert off < 1e-5, f"depths differ by up to {off}"
