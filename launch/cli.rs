@@ -110,8 +110,8 @@ impl From<DeliveryArg> for Delivery {
 pub(crate) struct Run {
     /// The graph file; without one, the built-in graph
     pub(crate) graph: Option<PathBuf>,
-    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, a folder of such folders, or
-    /// cameras: camera:gstreamer, camera:v4l, camera:bus
+    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, a folder of such folders, a bag
+    /// (bag:PATH: a rosbag2 folder, .mcap or .db3), or cameras: camera:gstreamer, camera:v4l, camera:bus
     #[arg(long, value_name = "SPEC")]
     pub(crate) source: Option<String>,
     /// Which of the source's views, left to right: at least three at equal steps, or all
@@ -120,6 +120,12 @@ pub(crate) struct Run {
     /// How the images lie in the folder, where their names leave it open: views, times, cameras, flat, columns:3, rows:3, rail
     #[arg(long, value_name = "LAYOUT")]
     pub(crate) layout: Option<Layout>,
+    /// Of a bag: the topic of each view; without it, they are found by their names
+    #[arg(long, value_delimiter = ',', value_name = "left=/…,centre=/…,right=/…")]
+    pub(crate) topics: Vec<String>,
+    /// Of a bag along a rail: the topic that says where the camera was, and which thing of several it tells of
+    #[arg(long, value_name = "/TOPIC[:WHAT]")]
+    pub(crate) position: Option<String>,
     /// How many scans; a source with fewer is repeated
     #[arg(long, value_name = "N")]
     pub(crate) scans: Option<u64>,
@@ -217,7 +223,8 @@ impl From<LensModel> for Model {
 
 #[derive(Debug, Args)]
 pub(crate) struct CheckGeometry {
-    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, or a folder of such folders
+    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, a folder of such folders, or a
+    /// bag: a rosbag2 folder, .mcap or .db3
     #[arg(value_name = "SOURCE")]
     pub(crate) source: String,
     /// Which of the source's views, left to right: at least three at equal steps, or all

@@ -53,6 +53,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         for notice in source.notices() {
             crate::say!("{notice}");
         }
+        if let Some(damage) = source.damage() {
+            crate::say!("{damage}");
+        }
     }
     let rows = rows_of(&source, SCENES);
     let looked = Looked::at_rows(&mut source, &rows, capture.calibration.is_some());

@@ -4,9 +4,11 @@ pub(super) mod table;
 
 use std::path::{Path, PathBuf};
 
+use capture::node::UNREADABLE;
 use capture::{Source, Views};
 use jiff::Timestamp;
 use messages::bus::Level;
+use messages::ledger::Ledger;
 use messages::{Delivery, Rail, Rig, Size, Sway};
 use serde_json::{Value, json};
 
@@ -36,7 +38,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     say_notices(&source, &mut said);
     look(&graph, &mut source, args.force_unrectified, &mut said)?;
-    let (ran, _) = launch(Launch {
+    let (mut ran, _) = launch(Launch {
         graph: &graph,
         rig,
         scans,
@@ -52,12 +54,31 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         changes: Vec::new(),
         no_seek: None,
     })?;
+    ran.outcome = with_losses(ran.outcome, &source, &ran.ledger);
     let summary = table::Summary::new(&ran, recording.as_deref());
     match args.json {
         true => super::print_json(&summary)?,
         false => super::print(&summary.to_string())?,
     }
     Ok(ran.outcome)
+}
+
+/// What a run came to whose source could not be read whole: that is not known to those who did what there was.
+fn with_losses(outcome: Outcome, source: &Source, ledger: &Ledger) -> Outcome {
+    if outcome != Outcome::Done {
+        return outcome;
+    }
+    if let Some(damage) = source.damage() {
+        crate::say!("capture: data was lost: {damage}");
+        return Outcome::Lost;
+    }
+    match ledger.refused.get(UNREADABLE) {
+        Some(count) => {
+            crate::say!("capture: data was lost: {count} scans could not be read");
+            Outcome::Lost
+        }
+        None => Outcome::Done,
+    }
 }
 
 /// A graph that is ready to be launched, and what its launch needs besides.
@@ -87,15 +108,17 @@ pub(super) fn plan(
         let text = "the graph has no [capture]: recordings are replayed with `tricurve replay`";
         return Err(Failure::usage(text));
     }
-    if graph
-        .settings_of("capture")
-        .get("start")
-        .is_none_or(Value::is_null)
-    {
+    let start = graph.settings_of("capture").get("start");
+    let is_start_open = start.is_none_or(Value::is_null);
+    if is_start_open {
         graph.fill_in("capture", "start", now_nanos());
     }
     let source = open_source(&graph)?;
     let mut said = Early::default();
+    if let Some(start) = source.start().filter(|_| is_start_open) {
+        graph.fill_in("capture", "start", start);
+    }
+    settle_topics(&mut graph, &source);
     settle_rail(&mut graph, &source, &mut said);
     // So that nobody has to find it out again, and that it is recorded.
     if let Some(bits) = source.bits() {
@@ -104,9 +127,12 @@ pub(super) fn plan(
     settle_truth(&mut graph, &source)?;
     let rig = rig(&graph, &source)?;
     let recording = recording(&mut graph)?;
-    // A live run drops scans, and then numbers no longer tell which of the source's they are.
+    // A live run drops scans, as does a bag that cannot be read whole, and then numbers no longer tell which of the source's
+    // they are.
     let named = match graph.settings.delivery {
-        Delivery::Lossless if !source.is_cameras() => source.scans().min(NAMES),
+        Delivery::Lossless if !source.is_cameras() && source.account().is_none() => {
+            source.scans().min(NAMES)
+        }
         _ => 0,
     };
     let scans = (0..named).map(|scan| source.name(scan)).collect();
@@ -151,6 +177,12 @@ fn overrides(args: &Args) -> Result<Overrides, Failure> {
         overrides.set("capture", "views", json!(views));
     }
     overrides.lay(args.layout);
+    if !args.topics.is_empty() {
+        overrides.set("capture", "topics", json!(args.topics));
+    }
+    if let Some(position) = &args.position {
+        overrides.set("capture", "position_topic", position.as_str());
+    }
     if let Some(scans) = args.scans {
         overrides.set("capture", "scans", scans);
     }
@@ -199,6 +231,14 @@ fn open_source(graph: &Graph) -> Result<Source, Failure> {
         true => Failure::usage(error),
         false => Failure::failed(error),
     })
+}
+
+/// Settles which topics of a bag are its views, so that it is recorded.
+fn settle_topics(graph: &mut Graph, source: &Source) {
+    if let Some(topics) = source.topics() {
+        graph.fill_in("capture", "topics", json!(topics));
+        graph.fill_in("capture", "views", json!("all"));
+    }
 }
 
 /// Settles what was found out about the rail, so that nobody has to find it out again, and that it is recorded.

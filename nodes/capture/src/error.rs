@@ -509,6 +509,65 @@ pub enum SourceError {
     #[error("{0}")]
     Implausible(String),
 
+    /// A bag that cannot be used.
+    #[error("the bag {}: {why}", path.display())]
+    Bag {
+        /// Its file or folder.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+
+    /// A bag of which it is unclear what is meant.
+    #[error("the bag {}: {why}; {held}", path.display())]
+    BagTopics {
+        /// Its file or folder.
+        path: PathBuf,
+        /// What is unclear.
+        why: String,
+        /// The topics there are, and how to choose among them.
+        held: String,
+    },
+
+    /// An image of a bag that cannot be read.
+    #[error("the image on {topic} at {:.9} s cannot be read: {why}", *nanos as f64 / 1e9)]
+    BagImage {
+        /// Its topic.
+        topic: String,
+        /// Its stamp.
+        nanos: u64,
+        /// What is wrong.
+        why: String,
+    },
+
+    /// A recording of tricurve where a bag is wanted.
+    #[error("{} is a recording of tricurve: `tricurve replay {}` plays it", path.display(), path.display())]
+    OwnRecording {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// A setting of bags for something else.
+    #[error("capture.{key} is of bags: the source {source_name} has no topics")]
+    OfBags {
+        /// The setting.
+        key: &'static str,
+        /// The source.
+        source_name: String,
+    },
+
+    /// Places of one camera where several stand still.
+    #[error(
+        "capture.position_topic says where one camera was along a rail: set capture.mode to rail, or leave it away"
+    )]
+    PositionOfRig,
+
+    /// Places said twice.
+    #[error(
+        "capture.position_topic, capture.positions and capture.speed all say where frames were taken: set one of them"
+    )]
+    PositionsTwice,
+
     /// A camera_info file that cannot be used.
     #[error("{} gives no calibration: {why}", path.display())]
     CameraInfo {
@@ -552,6 +611,11 @@ impl SourceError {
                 | Self::NoSize
                 | Self::NoTruth
                 | Self::SentOnce
+                | Self::BagTopics { .. }
+                | Self::OwnRecording { .. }
+                | Self::OfBags { .. }
+                | Self::PositionOfRig
+                | Self::PositionsTwice
         )
     }
 
@@ -566,6 +630,11 @@ impl SourceError {
                 | Self::NeverTogether { .. }
                 | Self::RailOfRig { .. }
         )
+    }
+
+    /// Whether it is of one scan only, and those after it can be read.
+    pub fn is_of_one_scan(&self) -> bool {
+        matches!(self, Self::BagImage { .. })
     }
 
     pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self {

@@ -275,6 +275,11 @@ fn unreadable(path: &Path, scan: Option<u64>) -> impl FnOnce(ImageError) -> Sour
     move |error| damaged(&path, scan, error.to_string())
 }
 
+/// Whether a JPEG holds all its rows: the decoder would fill in gray for what is missing.
+pub(crate) fn is_whole_jpeg(bytes: &[u8]) -> bool {
+    jpeg_end::is_whole(bytes)
+}
+
 fn damaged(path: &Path, scan: Option<u64>, why: String) -> SourceError {
     SourceError::Unreadable {
         path: path.to_owned(),

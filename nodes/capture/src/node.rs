@@ -3,7 +3,9 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use messages::bus::{Bus, BusError, Filled, Gate, Loan, Outputs, Play, Playing, Request, Start};
+use messages::bus::{
+    Bus, BusError, Filled, Gate, Level, Loan, Outputs, Play, Playing, Request, Start,
+};
 use messages::door::UnderWay;
 use messages::{Delivery, Header, Image, NONE, Raw, Rig};
 
@@ -22,6 +24,10 @@ pub enum CaptureError {
     Source(#[from] SourceError),
 }
 
+/// Why scans are turned away whose images cannot be read, while those after them can.
+pub const UNREADABLE: &str = "an image cannot be read";
+/// How many such scans are named.
+const NAMED_UNREADABLE: u64 = 5;
 /// How long to wait for news when nothing else is to be done.
 const IDLE: Duration = Duration::from_secs(1);
 
@@ -51,19 +57,25 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
     let is_live = bus.run().delivery == Delivery::Live;
     let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
     let (mut pause, mut is_held) = (Pause::default(), false);
+    let mut unreadable = 0u64;
+    if let Some(account) = capture.source.account() {
+        bus.synchronised(account.clone());
+    }
     bus.playing(pause.playing());
     if is_live {
         capture.prepare()?;
     }
     bus.ready()?;
     let mut began = Instant::now();
-    let ticks_before = capture.gate.door().next_tick();
+    let first_nanos = capture.nanos(capture.gate.door().next_tick());
     loop {
         let is_over = is_draining || failed.is_some() || capture.gate.door().next_tick() >= total;
         // A camera has its own time; files are read as fast as they are done with.
-        let since = (capture.gate.door().next_tick() - ticks_before) as f64 / capture.settings.rate;
+        let since = capture
+            .nanos(capture.gate.door().next_tick())
+            .saturating_sub(first_nanos);
         let due = if is_live {
-            began + Duration::from_secs_f64(since)
+            began + Duration::from_nanos(since)
         } else {
             began
         };
@@ -102,6 +114,13 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
                 Ok(loans) => {
                     let scan = capture.gate.admit(bus);
                     capture.send(scan, loans)?;
+                }
+                Err(CaptureError::Source(error)) if error.is_of_one_scan() => {
+                    if unreadable < NAMED_UNREADABLE {
+                        bus.log(Level::Error, format!("{error}: its scan is left out"));
+                    }
+                    unreadable += 1;
+                    capture.gate.refuse(bus, UNREADABLE);
                 }
                 Err(CaptureError::Source(error)) => failed = Some(error.to_string()),
                 Err(error) => return Err(error),
@@ -195,6 +214,14 @@ const LEAST_TRUTHS: usize = 4;
 const PREPARED: u64 = 8;
 
 impl Capture {
+    /// When a scan was taken: by the source's own times, or by its rate.
+    fn nanos(&self, tick: u64) -> u64 {
+        match self.source.nanos_after_start(tick) {
+            Some(after) => self.start_nanos.saturating_add(after),
+            None => self.settings.nanos(self.start_nanos, tick),
+        }
+    }
+
     /// Renders or decodes before the camera's time begins what is kept from the first time on. What cannot be read is told
     /// when its turn comes.
     fn prepare(&mut self) -> Result<(), CaptureError> {
@@ -211,7 +238,7 @@ impl Capture {
 
     /// Reads a scan of the source into shared memory.
     fn read(&mut self, tick: u64) -> Result<Loans, CaptureError> {
-        let nanos = self.settings.nanos(self.start_nanos, tick);
+        let nanos = self.nanos(tick);
         let mut images = Vec::with_capacity(self.rig.views.len());
         let mut raw = Vec::new();
         for view in 0..self.rig.views.len() {

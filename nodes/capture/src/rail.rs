@@ -74,6 +74,10 @@ pub(crate) struct Passed {
     pub(crate) sway: Option<Vec<Sway>>,
     /// Whether the source itself says where.
     pub(crate) is_described: bool,
+    /// Whether it says so in metres.
+    pub(crate) in_metres: bool,
+    /// Whether it leaves open which way is to the right: then the images say it.
+    pub(crate) is_either_way: bool,
 }
 
 /// How the picture moves along the rail.
@@ -120,9 +124,11 @@ impl Rail {
             return Err(SourceError::SpeedOfFiles);
         }
         let frames = path.order.len();
-        let (mut notices, mut in_metres) = (Vec::new(), false);
-        let is_guessed =
-            settings.positions.is_none() && !path.is_described && path.places.is_none();
+        let (mut notices, mut in_metres) = (Vec::new(), path.in_metres);
+        let is_told = settings.positions.is_some() || path.places.is_some();
+        let is_guessed = !is_told && !path.is_described;
+        // Which way the camera goes is seen where nobody says it.
+        let is_way_open = is_guessed || (!is_told && path.is_either_way);
         let mut positions = path.places.unwrap_or_else(|| path.own_steps.clone());
         if let Some(file) = &settings.positions {
             let read = positions::read(Path::new(file), frames)?;
@@ -152,7 +158,7 @@ impl Rail {
         }
         let nominal = usual_step(&positions).ok_or(SourceError::NoMotion { frames })?;
         let turns = turns(&positions, nominal);
-        if turns > 0 && settings.positions.is_some() {
+        if turns > 0 && (settings.positions.is_some() || path.in_metres) {
             notices.push(format!("the camera turns back {turns} times"));
         }
         let longest = ((frames as u64 - 1) / 2).clamp(1, LONGEST_STRIDE);
@@ -174,7 +180,7 @@ impl Rail {
             )
         };
         let mut near = match settings.stride {
-            Some(_) if !is_guessed => None,
+            Some(_) if !is_way_open => None,
             _ => look(&positions, 1)?,
         };
         let stride = settings.stride.unwrap_or_else(|| match near {
@@ -183,14 +189,20 @@ impl Rail {
         });
         let mut far = match settings.drift {
             // It may be all that shows which way the camera goes.
-            Some(_) if !is_guessed || near.is_some() => None,
+            Some(_) if !is_way_open || near.is_some() => None,
             _ => look(&positions, (2 * stride as usize).min(frames - 1))?,
         };
-        let is_to_the_left = is_guessed && near.or(far).is_some_and(|seen| seen.is_to_the_left());
+        let is_to_the_left = is_way_open && near.or(far).is_some_and(|seen| seen.is_to_the_left());
         if is_to_the_left {
             positions.iter_mut().for_each(|place| *place = -*place);
             near = near.map(Survey::mirrored);
             far = far.map(Survey::mirrored);
+            if !is_guessed {
+                notices.push(
+                    "its places count to the left, by the images, and their sign is changed"
+                        .to_owned(),
+                );
+            }
         }
         let baseline = nominal * stride as f64;
         let level = |drift: f64| if drift.abs() < LEVEL_PX { 0.0 } else { drift };
@@ -271,7 +283,7 @@ impl Rail {
         }
         Ok(Self {
             positions_m: positions.iter().map(|place| place * step_m).collect(),
-            places: is_guessed.then_some(positions),
+            places: is_way_open.then_some(positions),
             own_steps: usual_step(&path.own_steps).unwrap_or(1.0) * stride as f64,
             order: path.order,
             sway,

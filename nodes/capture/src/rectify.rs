@@ -227,10 +227,6 @@ impl Rectifier {
     ///
     /// # Errors
     /// What is wrong with them, as the second half of a sentence.
-    #[expect(
-        dead_code,
-        reason = "sources that carry their calibration along open it with this"
-    )]
     pub(crate) fn of_infos(
         infos: &[CameraInfo],
         settings: &Settings,

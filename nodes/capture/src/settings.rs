@@ -85,8 +85,9 @@ messages::settings! {
     /// Where scans come from and how many of them there are.
     pub struct Settings {
         /// `scene:tab`, `scene:jack`, `scene:screwdriver`, `scene:fence` (rendered), `scene:all` (the four in turn), or the
-        /// path of a folder: of one scene's images, or of those of several cameras and times; or cameras:
-        /// `camera:gstreamer`, `camera:v4l`, or `camera:bus`, which other programs publish.
+        /// path of a folder: of one scene's images, or of those of several cameras and times; or `bag:` and the path of a
+        /// bag (a rosbag2 folder, an `.mcap` or a `.db3` file); or cameras: `camera:gstreamer`, `camera:v4l`, or
+        /// `camera:bus`, which other programs publish.
         pub source: String = "scene:all".to_owned();
         /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps, or all. Empty:
         /// all of exactly three, else the first triple that `scene.json` lists, else the first three.
@@ -117,8 +118,15 @@ messages::settings! {
         /// each, for `camera:v4l` a device each; for `camera:bus` any text, and without it there are three views. Along a
         /// rail there is one.
         pub cameras: Vec<String> = Vec::new();
-        /// How far in time, in milliseconds, a camera's frame may be from the reference camera's to be of its scan. Half
-        /// the interval of 30 Hz: cameras that run freely at this rate always have a frame so near.
+        /// Of a bag: the topic of each view, left to right, as in left=/left/image_rect,centre=/centre/image_rect; without
+        /// sides or numbers in this order. By default they are found by their names.
+        pub topics: Vec<String> = Vec::new();
+        /// Of a bag along a rail: the topic that says where the camera was (Odometry, poses, transforms, JointState,
+        /// Float64), in metres; of one that tells of several things which, as in /tf:camera, /tf:world>camera or
+        /// /joint_states:slide.
+        pub position_topic: Option<String> = None;
+        /// How far in time, in milliseconds, a camera's frame, or a topic's image, may be from the reference camera's to be
+        /// of its scan. Half the interval of 30 Hz: cameras that run freely at this rate always have a frame so near.
         pub tolerance: f64 = 17.0, in 0.0..=60000.0;
         /// Columns of the frames of `camera:bus`, which must be known before they come; `camera:v4l` is set to them.
         pub width: Option<u32> = None, in 32..=65535;

@@ -5,8 +5,10 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use messages::settings::{self, Settings as _};
+use messages::synchronisation::Synchronisation;
 use messages::{Calibration, ImageRoom, RawRoom, Size, Sway};
 
+use crate::bag::{self, Bag};
 use crate::calibration::plausible::{self, Doubt, metres};
 use crate::camera_info::{self, Known};
 use crate::error::SourceError;
@@ -52,6 +54,7 @@ enum Kind {
         albums: Vec<Album>,
         kept: Kept,
     },
+    Bag(Box<Bag>),
     #[cfg(feature = "node")]
     Cameras(live::Known),
 }
@@ -99,6 +102,18 @@ impl Source {
                 return Err(SourceError::SwayOf { what });
             }
             return Self::cameras(live::look(way, settings)?, settings);
+        }
+        if let Some(path) = bag::path_of(&settings.source) {
+            return Self::bag(&path, settings, (places, sway));
+        }
+        for (key, is_set) in [
+            ("topics", !settings.topics.is_empty()),
+            ("position_topic", settings.position_topic.is_some()),
+        ] {
+            if is_set {
+                let source_name = settings.source.clone();
+                return Err(SourceError::OfBags { key, source_name });
+            }
         }
         match settings.source.strip_prefix("scene:") {
             Some(name) => Self::rendered(name, settings),
@@ -167,6 +182,8 @@ impl Source {
             sway: Some(Vec::new()),
             order,
             is_described: true,
+            in_metres: false,
+            is_either_way: false,
         };
         // Its five positions leave no choice, and it is level.
         let settled = Settings {
@@ -252,9 +269,143 @@ impl Source {
     /// Whether it sends each frame once, when it likes: then it cannot be read, only run.
     pub fn is_cameras(&self) -> bool {
         match &self.kind {
-            Kind::Rendered { .. } | Kind::Folders { .. } => false,
+            Kind::Rendered { .. } | Kind::Folders { .. } | Kind::Bag(_) => false,
             #[cfg(feature = "node")]
             Kind::Cameras(_) => true,
+        }
+    }
+
+    fn bag(
+        path: &Path,
+        settings: &Settings,
+        known: (&[f64], &[Sway]),
+    ) -> Result<Self, SourceError> {
+        let ways = [
+            settings.position_topic.is_some(),
+            settings.positions.is_some(),
+            settings.speed.is_some(),
+        ];
+        if settings.mode == Mode::Rig && settings.position_topic.is_some() {
+            return Err(SourceError::PositionOfRig);
+        }
+        if settings.mode == Mode::Rail && ways.into_iter().filter(|&way| way).count() > 1 {
+            return Err(SourceError::PositionsTwice);
+        }
+        let (mut bag, cameras) = Bag::open(path, settings)?;
+        let sizes = [bag.size];
+        let is_told = settings.calibration.is_some() || settings.camera_info.is_some();
+        let (rectifier, own) = match is_told {
+            true => {
+                bag.notices
+                    .push("the bag's camera_info is not used: another is set".to_owned());
+                (
+                    Rectifier::open(settings, bag.views.len(), &sizes)?,
+                    Known::default(),
+                )
+            }
+            false => {
+                bag.notices.extend(cameras.notices);
+                bag.warnings.extend(cameras.warnings);
+                (cameras.rectifier, cameras.known)
+            }
+        };
+        if settings.raw && (rectifier.is_none() || !settings.rectify) {
+            return Err(SourceError::NothingRectified);
+        }
+        let own = rectifier.as_ref().map_or(own, Rectifier::known);
+        if let Some(rectifier) = rectifier.as_ref().filter(|_| is_told) {
+            rectifier.remark(&mut bag.notices, &mut bag.warnings);
+        }
+        let rectifier = rectifier.filter(|_| settings.rectify);
+        let rail = match settings.mode {
+            Mode::Rig => None,
+            Mode::Rail => Some(bag_rail(
+                &mut bag,
+                settings,
+                own,
+                rectifier.as_ref(),
+                known,
+            )?),
+        };
+        let calibrated = match &rail {
+            Some(rail) => Calibrated {
+                camera: Some(rail.calibration),
+                has_baseline: true,
+                notices: rail.notices.clone(),
+                warnings: rail.warnings.clone(),
+            },
+            None => calibration(settings, own, bag.views.len(), &sizes)?,
+        };
+        let (mut notices, mut warnings) = (bag.notices.clone(), bag.warnings.clone());
+        notices.extend(calibrated.notices);
+        warnings.extend(calibrated.warnings);
+        let scans = rail.as_ref().map_or(bag.len(), |rail| rail.order.len());
+        Ok(Self {
+            scans: settings.scans.unwrap_or(scans as u64),
+            calibration: calibrated.camera,
+            rectifier,
+            folder: None,
+            notices,
+            warnings,
+            rail,
+            bits: bag.bits(),
+            kind: Kind::Bag(Box::new(bag)),
+        })
+    }
+
+    /// When a scan was taken, in nanoseconds after the first; `None` of a source without times of its own.
+    pub fn nanos_after_start(&self, scan: u64) -> Option<u64> {
+        let Kind::Bag(bag) = &self.kind else {
+            return None;
+        };
+        let (count, last) = (self.scenes(), self.scenes().saturating_sub(1));
+        let picture = |scan: u64| match &self.rail {
+            Some(rail) => rail.frame(scan).0,
+            None => scan as usize,
+        };
+        let first = bag.nanos(picture(0));
+        let after = |scan: u64| bag.nanos(picture(scan)).saturating_sub(first);
+        // Begun again, it goes on as it went.
+        let again = match last {
+            0 => 1_000_000_000,
+            _ => after(last) + after(last) / last,
+        };
+        Some(
+            (scan / count)
+                .saturating_mul(again)
+                .saturating_add(after(scan % count)),
+        )
+    }
+
+    /// When the first scan was taken, in nanoseconds since 1970, where the source knows it.
+    pub fn start(&self) -> Option<u64> {
+        match &self.kind {
+            Kind::Bag(bag) => bag.start,
+            _ => None,
+        }
+    }
+
+    /// What became of every image of a bag.
+    pub fn account(&self) -> Option<&Synchronisation> {
+        match &self.kind {
+            Kind::Bag(bag) => Some(&bag.account),
+            _ => None,
+        }
+    }
+
+    /// The topics of a bag that are its views, left to right.
+    pub fn topics(&self) -> Option<Vec<String>> {
+        match &self.kind {
+            Kind::Bag(bag) => Some(bag.views.iter().map(|view| view.topic.clone()).collect()),
+            _ => None,
+        }
+    }
+
+    /// What cannot be read of a source that is damaged.
+    pub fn damage(&self) -> Option<&str> {
+        match &self.kind {
+            Kind::Bag(bag) => bag.damage.as_deref(),
+            _ => None,
         }
     }
 
@@ -332,6 +483,8 @@ impl Source {
             },
             sway: (sway.len() == album.shots.len()).then(|| sway.to_vec()),
             is_described: album.is_described,
+            in_metres: false,
+            is_either_way: false,
         };
         let size = album.size;
         let read = found.warnings;
@@ -409,6 +562,7 @@ impl Source {
             (Some(rail), _) => (0, rail.frame(scan).0),
             (None, Kind::Rendered { scenes, .. }) => (turn(scan, scenes), view),
             (None, Kind::Folders { albums, .. }) => (turn(scan, albums), view),
+            (None, Kind::Bag(bag)) => ((scan % bag.len() as u64) as usize, view),
             #[cfg(feature = "node")]
             (None, Kind::Cameras(_)) => (0, view),
         }
@@ -450,6 +604,15 @@ impl Source {
                     position_steps: shot.position,
                 })
                 .collect(),
+            Kind::Bag(bag) => bag
+                .views
+                .iter()
+                .map(|view| Place {
+                    name: view.topic.clone(),
+                    number: view.number,
+                    position_steps: view.number.into(),
+                })
+                .collect(),
             #[cfg(feature = "node")]
             Kind::Cameras(known) => known
                 .views
@@ -474,6 +637,10 @@ impl Source {
             }
             #[cfg(feature = "node")]
             (Kind::Cameras(_), _) => "cameras".to_owned(),
+            (Kind::Bag(bag), _) => {
+                let nanos = bag.nanos(if self.rail.is_some() { frame } else { scene });
+                format!("{}.{:09}", nanos / 1_000_000_000, nanos % 1_000_000_000)
+            }
             (Kind::Folders { albums, .. }, None) => albums[scene].name.clone(),
             (Kind::Folders { albums, .. }, Some(_)) => {
                 folder::name(&albums[scene].shots[frame].path)
@@ -486,6 +653,7 @@ impl Source {
         match &self.kind {
             Kind::Rendered { .. } => scene::SIZE,
             Kind::Folders { albums, .. } => albums[self.place(scan, 0).0].size,
+            Kind::Bag(bag) => bag.size,
             #[cfg(feature = "node")]
             Kind::Cameras(known) => known.size,
         }
@@ -498,6 +666,7 @@ impl Source {
             Kind::Folders { albums, .. } => albums
                 .iter()
                 .fold(Size::default(), |size, album| size.union(album.size)),
+            Kind::Bag(bag) => bag.size,
             #[cfg(feature = "node")]
             Kind::Cameras(known) => known.size,
         }
@@ -549,7 +718,15 @@ impl Source {
     ) -> Result<Size, SourceError> {
         out.clear();
         let (shown, shot) = self.place(scan, view);
+        let is_rail = self.rail.is_some();
         match &mut self.kind {
+            Kind::Bag(bag) => {
+                let size = bag.size;
+                let taken = bag_pixels(bag, is_rail, shown, shot)?;
+                let out = out.pixels.grow(taken.len());
+                show(self.rectifier.as_ref(), view, taken, out);
+                Ok(size)
+            }
             Kind::Rendered { scenes, sensor } => {
                 let scene = &scenes[shown];
                 let position = scene.positions[shot];
@@ -589,13 +766,22 @@ impl Source {
     ) -> Result<Size, SourceError> {
         out.clear();
         let (shown, shot) = self.place(scan, view);
+        let is_rail = self.rail.is_some();
         match &mut self.kind {
+            Kind::Bag(bag) if self.rectifier.is_some() => {
+                let size = bag.size;
+                let taken = bag_pixels(bag, is_rail, shown, shot)?;
+                out.pixels.extend_from_slice(taken);
+                Ok(size)
+            }
             Kind::Folders { albums, kept } if self.rectifier.is_some() => {
                 let taken = kept.pixels(albums, shown, shot, Some(scan))?;
                 out.pixels.extend_from_slice(taken);
                 Ok(albums[shown].size)
             }
-            Kind::Rendered { .. } | Kind::Folders { .. } => Err(SourceError::NothingRectified),
+            Kind::Rendered { .. } | Kind::Folders { .. } | Kind::Bag(_) => {
+                Err(SourceError::NothingRectified)
+            }
             #[cfg(feature = "node")]
             Kind::Cameras(_) => Err(SourceError::SentOnce),
         }
@@ -616,6 +802,7 @@ impl Source {
             // What is filed is of the images as they were taken.
             Kind::Folders { .. } if self.rectifier.is_some() => None,
             Kind::Folders { albums, .. } => filed_truth(&albums[scene], view)?,
+            Kind::Bag(_) => None,
             #[cfg(feature = "node")]
             Kind::Cameras(_) => None,
         };
@@ -637,6 +824,7 @@ impl Source {
         match &self.kind {
             Kind::Rendered { scenes, .. } => scenes.len() as u64,
             Kind::Folders { albums, .. } => albums.len() as u64,
+            Kind::Bag(bag) => bag.len() as u64,
             #[cfg(feature = "node")]
             Kind::Cameras(_) => 1,
         }
@@ -656,6 +844,7 @@ impl Source {
                     |album: &Album| album.shots.get(view).is_some_and(|s| s.truth.is_some());
                 albums.iter().any(knows)
             }
+            Kind::Bag(_) => false,
             #[cfg(feature = "node")]
             Kind::Cameras(_) => false,
         }
@@ -669,6 +858,68 @@ impl fmt::Debug for Source {
             .field("size", &self.size())
             .field("calibration", &self.calibration)
             .finish_non_exhaustive()
+    }
+}
+
+/// The rail that a bag's camera moved along.
+fn bag_rail(
+    bag: &mut Bag,
+    settings: &Settings,
+    own: Known,
+    rectifier: Option<&Rectifier>,
+    (places, sway): (&[f64], &[Sway]),
+) -> Result<Rail, SourceError> {
+    let (size, first) = (bag.size, bag.nanos(0));
+    let seconds = |frame: usize| (bag.nanos(frame) - first) as f64 / 1e9;
+    let (order, metres) = match (&bag.along, settings.speed) {
+        (Some((kept, metres)), _) => (kept.clone(), Some(metres.clone())),
+        (None, speed) => {
+            let all: Vec<usize> = (0..bag.len()).collect();
+            let metres = speed.map(|speed| all.iter().map(|&at| speed * seconds(at)).collect());
+            (all, metres)
+        }
+    };
+    let frames = order.len();
+    if frames < 3 {
+        return Err(SourceError::TooFewViews {
+            path: settings.source.clone().into(),
+            found: frames,
+        });
+    }
+    let is_described = metres.is_some();
+    let passed = Passed {
+        own_steps: metres.unwrap_or_else(|| (0..frames).map(|at| at as f64).collect()),
+        order,
+        places: (places.len() == frames).then(|| places.to_vec()),
+        sway: (sway.len() == frames).then(|| sway.to_vec()),
+        is_described,
+        in_metres: is_described,
+        is_either_way: bag.along.is_some(),
+    };
+    // The speed is in the places already.
+    let settled = Settings {
+        speed: None,
+        ..settings.clone()
+    };
+    let camera = |in_metres| unit_camera(settings, in_metres, own, size);
+    Rail::new(&settled, passed, size, camera, |frame| {
+        let taken = bag.pixels(frame, 0)?;
+        let mut pixels = vec![0; taken.len()];
+        show(rectifier, 0, taken, &mut pixels);
+        Ok(pixels)
+    })
+}
+
+/// The gray levels of what a place names: of a rail a frame, else a view of a scan.
+fn bag_pixels(
+    bag: &mut Bag,
+    is_rail: bool,
+    shown: usize,
+    shot: usize,
+) -> Result<&[u8], SourceError> {
+    match is_rail {
+        true => bag.pixels(shot, 0),
+        false => bag.pixels(shown, shot),
     }
 }
 

@@ -47,6 +47,8 @@ pub enum Cause {
     ClockWentBack,
     /// It is not of the size that the camera's frames had at the start.
     Size,
+    /// It cannot be read.
+    Damaged,
     /// It came faster than frames are taken in.
     Overrun,
     /// The run came to its end first.
@@ -64,6 +66,7 @@ impl Cause {
             Self::Ended(camera) => format!("{} had ended", names[camera]),
             Self::ClockWentBack => "its clock went back".to_owned(),
             Self::Size => "it had another size than at the start".to_owned(),
+            Self::Damaged => "it cannot be read".to_owned(),
             Self::Overrun => "frames came faster than they are taken in".to_owned(),
             Self::Over => "the run ended".to_owned(),
         }
