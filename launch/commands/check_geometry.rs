@@ -47,6 +47,12 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         for notice in source.notices() {
             crate::say!("{notice}");
         }
+        // Without a calibration that there is none goes without saying here.
+        if capture.calibration.is_some() || capture.camera_info.is_some() {
+            for warning in source.warnings() {
+                crate::say!("warning: {warning}");
+            }
+        }
     }
     let measured = measured(&graph, &mut source)?;
     let report = Report::of(&measured);
@@ -115,7 +121,7 @@ fn write(
     )];
     if known.is_none_or(|known| !known.calibrated) {
         remarks.push(format!(
-            "focal length ({} px) and baseline ({} m) are assumed: depths are in arbitrary units",
+            "focal length ({} px) and baseline ({} m from view to view) are assumed: depths are in arbitrary units",
             camera.focal_px, camera.baseline_m
         ));
     }
