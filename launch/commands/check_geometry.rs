@@ -53,8 +53,12 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         for notice in source.notices() {
             crate::say!("{notice}");
         }
-        if let Some(damage) = source.damage() {
-            crate::say!("{damage}");
+        // That there is no calibration goes without saying here.
+        let of_units = "depths are in arbitrary units";
+        for warning in source.warnings() {
+            if !warning.starts_with(of_units) {
+                crate::say!("warning: {warning}");
+            }
         }
     }
     let rows = rows_of(&source, SCENES);
@@ -126,7 +130,7 @@ fn write(
     )];
     if known.is_none_or(|known| !known.calibrated) {
         remarks.push(format!(
-            "focal length ({} px) and baseline ({} m) are assumed: depths are in arbitrary units",
+            "focal length ({} px) and baseline ({} m from view to view) are assumed: depths are in arbitrary units",
             camera.focal_px, camera.baseline_m
         ));
     }

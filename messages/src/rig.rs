@@ -194,8 +194,51 @@ impl Rig {
             .unwrap_or_else(|| Calibration::assumed(size))
     }
 
+    /// The baseline as it is shown to people, who take that of the outer views for it: from one to the next, and from the
+    /// first to the last.
+    pub fn shown_baseline(&self, size: Size) -> String {
+        let baseline_m = self.calibration(size).baseline_m;
+        let (each, steps) = match self.rail {
+            Some(_) => ("from one frame of a triple to the next", 2),
+            None => ("from view to view", self.views.len().saturating_sub(1)),
+        };
+        // Four digits: twice a tenth is two tenths.
+        let span = format!("{:.3e}", baseline_m * steps as f64);
+        let span_m: f64 = span.parse().unwrap_or_default();
+        format!("{baseline_m} m {each}, {span_m} m from the first to the last")
+    }
+
     /// Where a view's camera stands along the baseline, in metres; of a rail the scan says it.
     pub fn position_m(&self, view: usize, size: Size) -> f64 {
         self.views[view].position_steps * self.calibration(size).baseline_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_baseline_is_shown_from_view_to_view_and_over_all_views() {
+        let size = Size::new(640, 480);
+        let rig = Rig {
+            calibration: Some(Calibration {
+                baseline_m: 0.1,
+                ..Calibration::assumed(size)
+            }),
+            ..Rig::of_views(4, &[], size)
+        };
+        assert_eq!(
+            rig.shown_baseline(size),
+            "0.1 m from view to view, 0.3 m from the first to the last"
+        );
+        let rail = Rig {
+            calibration: rig.calibration,
+            ..Rig::of_rail(Rail::default(), &[], size)
+        };
+        assert_eq!(
+            rail.shown_baseline(size),
+            "0.1 m from one frame of a triple to the next, 0.2 m from the first to the last"
+        );
     }
 }

@@ -427,6 +427,16 @@ fn missing_keys_and_wrong_counts_are_named() {
 }
 
 #[test]
+fn a_calibration_of_images_as_they_were_taken_is_sent_to_its_setting() {
+    let bench = Bench::new();
+    let why = bench.refusal("K1: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nD1: [0, 0, 0, 0, 0]\n");
+    assert_eq!(
+        why,
+        "it is no ROS camera_info: it holds K1, D1; what other tools find out about the cameras of images as they were taken is capture.calibration"
+    );
+}
+
+#[test]
 fn impossible_focal_lengths_are_refused() {
     let bench = Bench::new();
     assert_eq!(

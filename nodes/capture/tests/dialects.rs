@@ -307,6 +307,34 @@ fn a_rig_is_the_same_in_every_dialect() {
         "cam_ids: \"0,1,2\"\n".to_owned(),
     ].concat()]));
 
+    // Calibrated one by one, and posed afterwards.
+    let one_by_one = |camera: &Camera| {
+        let (turn, place) = in_body(camera);
+        let matrix = |name: &str, rows: usize, values: &[f64]| {
+            format!(
+                "{name}:\n   rows: {rows}\n   cols: {}\n   data: {}\n",
+                values.len() / rows,
+                list(values.iter().copied())
+            )
+        };
+        let k = k_of(camera);
+        let p = [
+            k[0], 0.0, k[2], 0.0, 0.0, k[0], k[5], 0.0, 0.0, 0.0, 1.0, 0.0,
+        ];
+        [
+            "%YAML:1.0\n---\ncamera_name: \"12_0\"\nimage_width: 512\nimage_height: 480\n"
+                .to_owned(),
+            matrix("camera_matrix", 3, &k),
+            matrix("distortion_coefficients", 1, &d_of(camera)),
+            "distortion_model: plumb_bob\n".to_owned(),
+            matrix("rectification_matrix", 3, &rows(DMat3::IDENTITY)),
+            matrix("projection_matrix", 3, &p),
+            matrix("local_transform", 3, &four(turn, place)[..12]),
+        ]
+        .concat()
+    };
+    files.push(("one by one", bench.rig.iter().map(one_by_one).collect()));
+
     // A file a camera, in the frame of a body; and a chain that says the same of an inertial unit.
     let sensor = |camera: &Camera| {
         let (turn, place) = in_body(camera);

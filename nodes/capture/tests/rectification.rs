@@ -420,7 +420,7 @@ fn a_wrong_number_of_cameras_is_refused() {
     let [one, ..] = &*bench.ros() else { panic!() };
     assert_eq!(
         bench.refusal(std::slice::from_ref(one)),
-        "it describes 1 camera (camera cam0), and there are 3 views; it must describe one camera a view, left to right (capture.views, or --views, says which)"
+        "it describes one camera (camera cam0), and there are 3 views: of images as they were taken give a camera_info a view, left to right, separated by commas; of images that are rectified already set capture.camera_info instead"
     );
     assert_eq!(
         bench.refusal(&[whole.clone(), whole]),

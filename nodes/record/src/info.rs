@@ -295,11 +295,11 @@ impl fmt::Display for Info {
         line(f, "channels", &format!("σ² {}", channels.join(", ")))?;
         let camera = self.rig.calibration(self.rig.size);
         let calibration = format!(
-            "f {} px, c ({}, {}), b {} m{}",
+            "f {} px, c ({}, {}), b {}{}",
             camera.focal_px,
             camera.cx,
             camera.cy,
-            camera.baseline_m,
+            self.rig.shown_baseline(self.rig.size),
             if self.calibrated {
                 ""
             } else {

@@ -340,8 +340,11 @@ fn about(out: &mut String, recording: &Recording, info: &Info, shown: &[u64]) ->
     fact(
         "Calibration",
         format!(
-            "f {} px, c ({}, {}) px, step {} m{assumed}",
-            camera.focal_px, camera.cx, camera.cy, camera.baseline_m
+            "f {} px, c ({}, {}) px, baseline {}{assumed}",
+            camera.focal_px,
+            camera.cx,
+            camera.cy,
+            rig.shown_baseline(rig.size)
         ),
     )?;
     let ledger = match (&info.ledger, info.balanced) {

@@ -7,7 +7,7 @@ use super::{Camera, Lens, Why};
 use crate::settings::LensModel;
 
 /// Names of a camera matrix, of its nine numbers, or of fx, fy, cx, cy.
-pub(super) const MATRIX: [&str; 12] = [
+pub(super) const MATRIX: [&str; 13] = [
     "camera_matrix",
     "cameraMatrix",
     "intrinsics",
@@ -20,10 +20,11 @@ pub(super) const MATRIX: [&str; 12] = [
     "M",
     "mtx",
     "cam_matrix",
+    "CameraMat",
 ];
 
 /// Names of the coefficients of a lens.
-pub(super) const COEFFICIENTS: [&str; 14] = [
+pub(super) const COEFFICIENTS: [&str; 15] = [
     "distortion_coefficients",
     "distortion_coeffs",
     "distCoeffs",
@@ -34,6 +35,7 @@ pub(super) const COEFFICIENTS: [&str; 14] = [
     "distortion_parameters",
     "distortion",
     "distCoeff",
+    "DistCoeff",
     "dist",
     "D",
     "d",
@@ -64,12 +66,13 @@ const SIDES: [(&str, &str); 6] = [
     ("cols", "rows"),
 ];
 
-const SIZES: [&str; 6] = [
+const SIZES: [&str; 7] = [
     "resolution",
     "image_size",
     "imageSize",
     "img_size",
     "image_resolution",
+    "ImageSize",
     "size",
 ];
 
@@ -153,7 +156,24 @@ fn lens(entry: &Node, name: &str, told: Option<LensModel>) -> Result<Taken, Why>
     };
     let (coefficients, by_name) =
         coefficients(entry, node).map_err(|why| format!("{key} of {name} {why}"))?;
-    let model = match (said(entry, name)?, by_name) {
+    let model = said(entry, name)?;
+    let is_fisheye = |model: LensModel| model == LensModel::Equidistant;
+    let of_file = match &model {
+        Model::Said(model, _) => Some(*model),
+        _ => None,
+    };
+    // Their order is not that of the other model.
+    if let (Some(by_name), Some(meant)) = (by_name, told.or(of_file))
+        && is_fisheye(by_name) != is_fisheye(meant)
+        && meant != LensModel::None
+    {
+        return Err(format!(
+            "the coefficients of {name} are named as those of {}, and its model is to be {}",
+            by_name.name(),
+            meant.name()
+        ));
+    }
+    let model = match (model, by_name) {
         (Model::Open, Some(model)) => {
             Model::Said(model, "by the names of its coefficients".to_owned())
         }
@@ -169,17 +189,16 @@ fn coefficients(entry: &Node, node: &Node) -> Result<(Vec<f64>, Option<LensModel
         keys.iter().map(number).collect()
     };
     if node.has("k1") {
-        return Ok(match (node.has("p1"), node.has("k4")) {
-            (true, true) => (
-                all(node, &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"]),
-                Some(LensModel::RationalPolynomial),
+        let (keys, model): (&[&str], _) = match ["p1", "k4", "k5"].map(|key| node.has(key)) {
+            // Only a fisheye has a fourth without those for tangential distortion.
+            [false, true, false] => (&["k1", "k2", "k3", "k4"], LensModel::Equidistant),
+            [_, false, _] => (&["k1", "k2", "p1", "p2", "k3"], LensModel::PlumbBob),
+            _ => (
+                &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"],
+                LensModel::RationalPolynomial,
             ),
-            (true, false) => (
-                all(node, &["k1", "k2", "p1", "p2", "k3"]),
-                Some(LensModel::PlumbBob),
-            ),
-            (false, _) => (all(node, &["k1", "k2", "k3", "k4"]), None),
-        });
+        };
+        return Ok((all(node, keys), Some(model)));
     }
     // A fisheye whose numbers stand beside those of its matrix, counted from the second.
     let beside = entry.get("projection_parameters").filter(|of| of.has("k5"));
@@ -274,6 +293,8 @@ pub(super) fn taken(
                 lens: Lens::NONE,
                 said: match count {
                     0 => "none, for there are no coefficients".to_owned(),
+                    4 => "none, for all four coefficients are 0; of fisheyes set capture.lens=fisheye"
+                        .to_owned(),
                     _ => "none, for all coefficients are 0".to_owned(),
                 },
             });
@@ -335,4 +356,50 @@ pub(super) fn size(entry: &Node) -> Option<Size> {
             _ => None,
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::text;
+
+    fn said(text: &str, told: Option<LensModel>) -> Result<String, Why> {
+        let matrix = "intrinsics: {fx: 600, fy: 600, cx: 320, cy: 240}\n";
+        let documents = text::documents(&format!("{matrix}{text}"))?;
+        camera(&documents[0], "left", told).map(|(_, said)| said)
+    }
+
+    #[test]
+    fn names_of_coefficients_tell_their_model_and_are_not_put_in_anothers_order() {
+        for (text, expected) in [
+            (
+                "distortion: {k1: -0.2, k2: 0.1, p1: 0.001, p2: 0}\n",
+                "plumb_bob",
+            ),
+            ("distortion: {k1: -0.2, k2: 0.1, k3: 0.01}\n", "plumb_bob"),
+            ("k1: -0.2\nk2: 0.1\np1: 0\np2: 0\n", "plumb_bob"),
+            (
+                "distortion: {k1: 0.02, k2: 0.01, k3: 0.001, k4: 0.0001}\n",
+                "equidistant",
+            ),
+            (
+                "distortion: {k1: 1, k2: 0, p1: 0, p2: 0, k3: 0, k4: 1, k5: 0, k6: 0}\n",
+                "rational",
+            ),
+        ] {
+            let said = said(text, None).unwrap_or_default();
+            assert!(said.starts_with(expected), "{text}: {said}");
+        }
+        let why = said(
+            "distortion: {k1: 0.02, k2: 0.01, k3: 0.001, k4: 0.0001}\n",
+            Some(LensModel::PlumbBob),
+        );
+        assert!(why.is_err_and(|why| why.contains("named as those of equidistant")));
+    }
+
+    #[test]
+    fn four_zeros_are_no_distortion_and_fisheyes_are_reminded() {
+        let said = said("D: [0, 0, 0, 0]\n", None).unwrap_or_default();
+        assert!(said.contains("set capture.lens=fisheye"), "{said}");
+    }
 }

@@ -102,6 +102,13 @@ pub(crate) fn read(
         read.push((kind, documents));
     }
     let mounted = cameras(&read, lens).map_err(wrong(&whole))?;
+    let is_message = read.iter().all(|(kind, _)| *kind == Kind::Ros);
+    if is_message && mounted.len() == 1 && views > 1 {
+        return Err(wrong(&whole)(format!(
+            "it describes one camera ({}), and there are {views} views: of images as they were taken give a camera_info a view, left to right, separated by commas; of images that are rectified already set capture.camera_info instead",
+            mounted[0].name
+        )));
+    }
     check(&mounted, views, sizes).map_err(wrong(&whole))?;
     Ok(mounted)
 }
@@ -137,6 +144,8 @@ fn cameras(read: &[(Kind, Vec<Node>)], lens: Option<LensModel>) -> Result<Vec<Mo
     let all = read.iter().flat_map(|(_, documents)| documents);
     let all: Vec<&Node> = all.collect();
     match kind {
+        // Cameras that were calibrated one by one, and posed afterwards.
+        Kind::Ros if all.len() > 1 && all.iter().all(|file| is_posed(file)) => alone(&all, lens),
         Kind::Ros => {
             let mut infos = Vec::new();
             for (_, documents) in read {
@@ -154,16 +163,24 @@ fn cameras(read: &[(Kind, Vec<Node>)], lens: Option<LensModel>) -> Result<Vec<Mo
             let mounted = maps::cameras(&entries.collect::<Vec<_>>(), lens)?;
             Ok(maps::in_row(mounted))
         }
-        Kind::Alone => {
-            let name = |at: usize, file: &Node| {
-                let own = file.get("camera_name").and_then(Node::text);
-                own.map_or_else(|| format!("camera {}", at + 1), str::to_owned)
-            };
-            let entries = all.iter().enumerate();
-            let entries = entries.map(|(at, file)| (name(at, file), (*file).clone()));
-            maps::cameras(&entries.collect::<Vec<_>>(), lens)
-        }
+        Kind::Alone => alone(&all, lens),
     }
+}
+
+/// Whether a file says where its camera stands.
+fn is_posed(file: &Node) -> bool {
+    matches!(pose::of(file, ""), Ok(Some(_)))
+}
+
+/// A camera a file.
+fn alone(files: &[&Node], lens: Option<LensModel>) -> Result<Vec<Mounted>, Why> {
+    let entry = |(at, file): (usize, &&Node)| {
+        let own = file.get("camera_name").and_then(Node::text);
+        let name = own.map_or_else(|| format!("camera {}", at + 1), str::to_owned);
+        (name, (*file).clone())
+    };
+    let entries: Vec<maps::Entry> = files.iter().enumerate().map(entry).collect();
+    maps::cameras(&entries, lens)
 }
 
 fn wrong(path: &Path) -> impl FnOnce(Why) -> SourceError {

@@ -160,7 +160,8 @@ fn not_a_number(text: &str, word: &str) -> Why {
     if text.contains("array type:") || text.contains("sequence type:") {
         return "was left out when it was echoed; echo it without --no-arr".to_owned();
     }
-    if text.contains("$base64$") {
+    let is_base64 = |c: char| c.is_ascii_alphanumeric() || "+/=".contains(c);
+    if text.contains("$base64$") || (word.len() > 32 && word.chars().all(is_base64)) {
         return "is written in base64; write the file without cv::FileStorage::WRITE_BASE64"
             .to_owned();
     }

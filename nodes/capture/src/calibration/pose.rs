@@ -27,7 +27,7 @@ const PAIRS: [(&str, &str, Way); 9] = [
 ];
 
 /// Names of matrices of 3 or 4 rows of 4.
-const MATRICES: [(&str, Way); 16] = [
+const MATRICES: [(&str, Way); 17] = [
     ("extrinsics", Way::ToCamera),
     ("extrinsic", Way::ToCamera),
     ("extrinsic_matrix", Way::ToCamera),
@@ -42,6 +42,7 @@ const MATRICES: [(&str, Way); 16] = [
     ("c2w", Way::OfCamera),
     ("camera_to_world", Way::OfCamera),
     ("local_transform", Way::OfCamera),
+    ("CameraExtrinsicMat", Way::OfCamera),
     ("T_BS", Way::OfCamera),
     ("T_wc", Way::OfCamera),
 ];

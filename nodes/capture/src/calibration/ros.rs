@@ -49,6 +49,15 @@ pub(crate) fn is(file: &Node) -> bool {
 pub(crate) fn infos(documents: &[Node]) -> Result<Vec<CameraInfo>, Why> {
     let mut found: Vec<CameraInfo> = Vec::new();
     for (at, document) in documents.iter().enumerate() {
+        let known = [&K[..], &P, &["header", "camera_name"]].concat();
+        if at == 0 && document.first(&known).is_none() {
+            let keys = document.entries().iter().take(8);
+            let keys: Vec<&str> = keys.map(|(key, _)| key.as_str()).collect();
+            return Err(format!(
+                "it is no ROS camera_info: it holds {}; what other tools find out about the cameras of images as they were taken is capture.calibration",
+                keys.join(", ")
+            ));
+        }
         let is_last = at > 0 && at + 1 == documents.len();
         match CameraInfo::of(document) {
             Ok(info) if !found.contains(&info) => found.push(info),

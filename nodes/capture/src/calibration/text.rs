@@ -163,7 +163,7 @@ fn unreadable(text: &str, before: usize, line: Option<u64>) -> Why {
         None => shown,
     };
     format!(
-        "its line {number} ({shown}) is no YAML: is there a bracket or quote that is not closed, an indent that is off, or a key that stands there twice, in this line or before?"
+        "its line {number} ({shown}) is no YAML: is there a bracket or quote that is not closed, an indent that is off, or a key that stands there twice, in this line or before? Read are YAML, JSON, OpenCV's XML and what ROS's tools print"
     )
 }
 
@@ -205,6 +205,8 @@ fn tidied(part: &str) -> String {
                     depth += 1;
                 }
                 (None, ']' | '}') => depth = depth.saturating_sub(1),
+                // OpenCV leaves out the blank in its short maps: { x:1, y:2 }.
+                (None, ':') if depth > 0 && is_key_end(last) => tidy.push(c),
                 (None, ';') if depth > 0 => {
                     tidy.push(',');
                     last = ',';
@@ -218,7 +220,10 @@ fn tidied(part: &str) -> String {
                 }
                 (None, _) => {}
             }
-            tidy.push(c);
+            match (quote, c) {
+                (None, ':') if depth > 0 && is_key_end(last) => tidy.push(' '),
+                _ => tidy.push(c),
+            }
             if !c.is_whitespace() {
                 last = c;
             }
@@ -241,6 +246,11 @@ fn is_number_start(c: char) -> bool {
 /// Whether a number or a list ends with it.
 fn is_value_end(c: char) -> bool {
     c.is_ascii_digit() || matches!(c, '.' | ']')
+}
+
+/// Whether a key without quotes ends with it.
+fn is_key_end(c: char) -> bool {
+    c.is_ascii_alphanumeric() || c == '_'
 }
 
 /// A line whose key has a colon and a blank behind it, and no tabs before it.
@@ -393,6 +403,9 @@ mod tests {
             [-1.0, -2.5e-3, 3.0, 0.5]
         );
         assert_eq!(numbers("a: \"[1 2\"\nK: [1 2]\n", "K"), [1.0, 2.0]);
+        assert_eq!(numbers("K: { x:1., y:-2., z: 3 }\n", "K"), [1.0, -2.0, 3.0]);
+        let tag = "K: !<tag:yaml.org,2002:opencv-matrix>\n  rows: 1\n  cols: 2\n  data: [1, 2]\n";
+        assert_eq!(numbers(tag, "K"), [1.0, 2.0]);
     }
 
     #[test]
