@@ -91,6 +91,9 @@ fn order(file: &mut File, contents: &Contents) -> Option<Vec<u64>> {
     let begins = |chunk: &usize| *chunk == 0 || time(*chunk) != time(*chunk - 1);
     let firsts: Vec<usize> = (0..chunks.len()).filter(begins).collect();
     let order = ScanOrder::from_record(record, firsts.len())?;
+    if !has_each_topic_once(contents, &begins) {
+        return None;
+    }
     // The file may have been put into another order since: it is as it was where each stretch of time begins and ends.
     let is_end = |place: &usize| {
         let at = |place: usize| firsts.get(place).and_then(|chunk| time(*chunk));
@@ -103,6 +106,33 @@ fn order(file: &mut File, contents: &Contents) -> Option<Vec<u64>> {
     };
     let all_so = (0..firsts.len()).filter(is_end).all(is_so);
     all_so.then_some(order)
+}
+
+/// Whether no scan has a topic in two chunks of which it has one message: others may have packed several scans into one
+/// chunk and dated it by the first.
+fn has_each_topic_once(contents: &Contents, begins: &impl Fn(&usize) -> bool) -> bool {
+    // These are written once more when a recording ends.
+    let may_repeat =
+        |topic: &str| is_repeated(topic) || topic == "health" || topic == "synchronisation";
+    let mut latest: Vec<Option<usize>> = vec![None; usize::from(u16::MAX) + 1];
+    let repeated: Vec<u16> = contents
+        .channels
+        .values()
+        .filter(|channel| may_repeat(&channel.topic))
+        .map(|channel| channel.id)
+        .collect();
+    let mut scan = 0;
+    for (chunk, index) in contents.chunks.iter().enumerate() {
+        scan += usize::from(begins(&chunk));
+        for id in index.message_index_offsets.keys() {
+            let seen = &mut latest[usize::from(*id)];
+            if *seen == Some(scan) && !repeated.contains(id) {
+                return false;
+            }
+            *seen = Some(scan);
+        }
+    }
+    true
 }
 
 /// What a chunk of ours holds: one scan, which its first message tells, unless others packed it anew.

@@ -616,7 +616,9 @@ fn identity_of(path: &Path) -> Option<Identity> {
 fn holds_nothing(path: &Path) -> bool {
     let contents = File::open(path).and_then(|mut file| Contents::of(&mut file));
     match contents {
-        Ok(Some(contents)) => contents.chunks.is_empty() && contents.metadata.is_empty(),
+        Ok(Some(contents)) => {
+            contents.chunks.is_empty() && contents.runs.is_empty() && contents.metadata.is_empty()
+        }
         Ok(None) => fs::metadata(path).is_ok_and(|file| file.len() < mcap::MAGIC.len() as u64),
         Err(_) => false,
     }

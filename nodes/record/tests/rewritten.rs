@@ -586,6 +586,82 @@ fn cut_anywhere_a_file_without_chunks_or_indexes_gives_what_is_whole() {
 }
 
 #[test]
+fn damaged_files_of_others_are_told_and_never_panic() {
+    let given = Given::new(0..2);
+    let mut state = 11u64;
+    let mut random = |below: usize| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    for keeps_metadata in [true, false] {
+        for mut how in [
+            How::with(|o| o.use_chunks(false)),
+            How::with(|o| nothing_besides(o.chunk_size(Some(5_000)).compression(None))),
+            How::with(|o| o.chunk_size(None).emit_message_indexes(false)),
+        ] {
+            how.keeps_metadata = keeps_metadata;
+            let path = given.rewritten("new.mcap", &how);
+            let good = fs::read(&path).unwrap();
+            for round in 0..60 {
+                let mut bad = good.clone();
+                let at = match round % 3 {
+                    0 => random(3000.min(bad.len())),
+                    1 => bad.len() - 1 - random(3000.min(bad.len() - 1)),
+                    _ => random(bad.len()),
+                };
+                bad[at] ^= 1 << random(8);
+                fs::write(&path, &bad).unwrap();
+                let Ok(mut recording) = Recording::open(&path) else {
+                    continue;
+                };
+                assert!(!Info::of(&recording).to_string().is_empty());
+                for scan in recording.scans().collect::<Vec<_>>() {
+                    drop(recording.salvage(scan));
+                }
+            }
+        }
+    }
+}
+
+/// Dates every chunk by its first message alone, as some writers do.
+fn date_by_the_first(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    let mut start = mcap::MAGIC.len();
+    while start + 9 < bytes.len() {
+        let opcode = bytes[start];
+        let body = start + 9;
+        let length = u64::from_le_bytes(bytes[start + 1..body].try_into().unwrap()) as usize;
+        if [mcap::records::op::CHUNK, mcap::records::op::CHUNK_INDEX].contains(&opcode) {
+            bytes.copy_within(body..body + 8, body + 8);
+        }
+        if opcode == mcap::records::op::FOOTER {
+            // There is no checksum of the index then.
+            bytes[body + 16..body + 20].fill(0);
+            break;
+        }
+        start = body + length;
+    }
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn chunks_that_are_dated_wrongly_are_read_whoever_says_to_have_written_them() {
+    let given = Given::new(0..5);
+    for library in ["another program", "tricurve 0.1.0"] {
+        for size in [
+            1, 3_000, 10_000, 20_000, 30_000, 40_000, 50_000, 60_000, 80_000,
+        ] {
+            let how = How::with(|o| o.library(library).chunk_size(Some(size)));
+            let path = given.rewritten("new.mcap", &how);
+            date_by_the_first(&path);
+            given.assert_is(&path, &format!("{library}, {size}"));
+        }
+    }
+}
+
+#[test]
 fn a_damaged_index_is_told_of_and_costs_nothing() {
     let given = Given::new(0..3);
     let path = given.path("own.mcap");
