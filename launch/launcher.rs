@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use messages::bus::{self, Log, NodePlan, Run};
+use messages::bus::{self, Level, Log, NodePlan, Run};
 use messages::change::Change;
 use messages::{Rig, Sway};
 use serde_json::Value;
@@ -64,12 +64,18 @@ pub(crate) fn launch_before(
         scans,
         places,
         sway,
-        said,
+        mut said,
         remarks,
         changes,
         no_seek,
         ..
     } = launch;
+    // What is set otherwise from the start on is not said while it runs.
+    said.extend(changes.iter().map(|change| Log {
+        level: Level::Info,
+        node: change.node.clone(),
+        text: change.to_string(),
+    }));
     let in_flight = graph.source_settings().get("in_flight");
     let run = Run {
         root: dir.path().to_owned(),

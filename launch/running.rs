@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use messages::bus::BusError;
 use serde::Serialize;
 
 use crate::cli::BE_NODE;
@@ -91,6 +92,17 @@ impl Running {
     /// Whether it is still there, and its nodes still share what a guest of it has joined.
     pub(crate) fn goes_on(&self) -> bool {
         rundir::goes_on(&self.folder, &self.orders.run.prefix)
+    }
+
+    /// Why a guest cannot join it, and what helps.
+    pub(crate) fn cannot_join(&self, error: &BusError) -> Failure {
+        let help = match error {
+            BusError::Port { .. } => {
+                "; when what its nodes share was removed, as at a logout, `tricurve node restart NODE` lets all begin again"
+            }
+            _ => "",
+        };
+        Failure::failed(format!("cannot join {}: {error}{help}", self.name()))
     }
 
     /// Why a guest is not heard any more, of a graph that does not go on.

@@ -68,9 +68,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         crate::say!("recording beside {}: Ctrl-C ends", running.name());
     }
     let attached = attach(recorder, |told| wishes.next(told)).map_err(|error| match error {
-        AttachError::Bus(error) => {
-            Failure::failed(format!("cannot join {}: {error}", running.name()))
-        }
+        AttachError::Bus(error) => running.cannot_join(&error),
         error => Failure::failed(error),
     })?;
     match args.json {

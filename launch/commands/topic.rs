@@ -99,8 +99,7 @@ fn is_derived(running: &Running, name: &str) -> bool {
 fn listen(running: &Running, topic: &Topic) -> Result<Hearer, Failure> {
     let name = format!("topic.{}", std::process::id());
     let topics = std::slice::from_ref(topic);
-    Hearer::join(&running.orders.run, &name, topics)
-        .map_err(|error| Failure::failed(format!("cannot listen to {}: {error}", running.name())))
+    Hearer::join(&running.orders.run, &name, topics).map_err(|error| running.cannot_join(&error))
 }
 
 fn list(running: &Running, json: bool) -> Result<(), Failure> {

@@ -94,9 +94,7 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
         how: HOW,
     })
     .map_err(|error| match error {
-        LiveError::Bus(error) => {
-            Failure::failed(format!("cannot join {}: {error}", running.name()))
-        }
+        LiveError::Bus(error) => running.cannot_join(&error),
         error => Failure::failed(error),
     })?;
     let title = format!("the running graph {}: Ctrl-C ends the view", running.name());

@@ -234,10 +234,8 @@ pub(super) struct Watch {
 impl Watch {
     pub(super) fn start(running: Running) -> Result<Self, Failure> {
         let name = format!("top.{}", std::process::id());
-        let reports = Guest::reports(&running.orders.run, &name).map_err(|error| {
-            let run = running.name();
-            Failure::failed(format!("cannot listen to {run}: {error}"))
-        })?;
+        let reports = Guest::reports(&running.orders.run, &name)
+            .map_err(|error| running.cannot_join(&error))?;
         let processes = running.processes();
         let now = Instant::now();
         Ok(Self {
