@@ -248,7 +248,12 @@ impl Drop for RunDir {
 
 /// The name of a run: short, since it stands twice in the name of every socket.
 fn run_name(pid: u32, seconds: u64) -> String {
-    format!("{}-{}", digits(u64::from(pid)), digits(seconds))
+    format!("{}{}", beginning_of(pid), digits(seconds))
+}
+
+/// What the names of this launcher's runs begin with.
+pub(crate) fn beginning_of(pid: u32) -> String {
+    format!("{}-", digits(u64::from(pid)))
 }
 
 fn now_seconds() -> u64 {

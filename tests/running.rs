@@ -244,6 +244,15 @@ fn top_names_every_node_with_sane_figures() {
     ends_balanced(graph);
 }
 
+/// A number as the names of runs begin with it.
+fn to_base_36(number: u32) -> String {
+    let digit = |number: u32| char::from_digit(number % 36, 36).unwrap();
+    match number / 36 {
+        0 => digit(number).to_string(),
+        higher => format!("{}{}", to_base_36(higher), digit(number)),
+    }
+}
+
 #[test]
 fn of_two_graphs_top_shows_both_and_every_command_takes_the_one_that_is_named() {
     let world = World::new();
@@ -251,7 +260,7 @@ fn of_two_graphs_top_shows_both_and_every_command_takes_the_one_that_is_named() 
     let both = world.run(&["top", "--once", "--json"]).done().json();
     assert_eq!(both["graphs"].as_array().unwrap().len(), 2, "{both}");
     // A run's name begins with its launcher's process.
-    let begins = graphs.each_ref().map(|graph| format!("{:x}-", graph.id()));
+    let begins = graphs.each_ref().map(|graph| format!("{}-", to_base_36(graph.id())));
     for begin in &begins {
         let with_name = |arguments: &[&str]| world.run(&[arguments, &["--run", begin]].concat());
         let top = with_name(&["top", "--once", "--json", "--every", "0.5"]).done();

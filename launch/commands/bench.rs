@@ -24,7 +24,7 @@ use crate::graph::Overrides;
 use crate::launcher::{Launch, launch_before};
 use crate::running::{Process, Running};
 use crate::supervisor::Watcher;
-use crate::{Failure, Outcome, signals};
+use crate::{Failure, Outcome, rundir, signals};
 use viewer::{Taken, Viewer};
 
 /// The most scans before those that are measured: of more scenes than that not all are read before.
@@ -294,7 +294,7 @@ impl Observed {
 /// The bridge's process.
 fn find_bridge() -> Option<Process> {
     // Runs are named after their launcher, and this process has one at a time.
-    let running = Running::choose(Some(&format!("{:x}-", std::process::id()))).ok()?;
+    let running = Running::choose(Some(&rundir::beginning_of(std::process::id()))).ok()?;
     let mut processes = running.processes().into_iter();
     processes.find(|process| process.node == "bridge")
 }

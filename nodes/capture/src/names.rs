@@ -308,6 +308,11 @@ fn side(word: &str, letters: [&str; 3]) -> Option<i32> {
     Some(of as i32 - 1)
 }
 
+/// The side a word or a letter names.
+pub(crate) fn side_of(word: &str) -> Option<i32> {
+    side(word, LETTERS[0])
+}
+
 /// How far to the right of the middle a name says that its camera stands.
 fn rank(name: &str, letters: [&str; 3], first: i32) -> Option<i32> {
     let fields = fields(name);

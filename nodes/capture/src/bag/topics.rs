@@ -6,17 +6,7 @@
 use std::collections::BTreeMap;
 
 use super::wire::Why;
-
-/// Words for the sides, left to right.
-const SIDES: [&[&str]; 3] = [
-    &["left", "l", "gauche", "links", "izquierda", "sinistra"],
-    &[
-        "centre", "center", "central", "middle", "mid", "c", "m", "mitte", "milieu", "centro",
-    ],
-    &[
-        "right", "r", "droite", "droit", "rechts", "derecha", "destra",
-    ],
-];
+use crate::names;
 
 /// Words of topics that show no scene.
 const NO_SCENE: [&str; 8] = [
@@ -64,7 +54,7 @@ enum Role {
 
 impl Role {
     fn of(word: &str) -> Option<Self> {
-        let side = SIDES.iter().position(|words| words.contains(&word));
+        let side = names::side_of(word).map(|side| (side + 1) as usize);
         side.map(Self::Side)
             .or_else(|| word.parse().ok().map(Self::Number))
     }
