@@ -260,7 +260,9 @@ fn of_two_graphs_top_shows_both_and_every_command_takes_the_one_that_is_named() 
     let both = world.run(&["top", "--once", "--json"]).done().json();
     assert_eq!(both["graphs"].as_array().unwrap().len(), 2, "{both}");
     // A run's name begins with its launcher's process.
-    let begins = graphs.each_ref().map(|graph| format!("{}-", to_base_36(graph.id())));
+    let begins = graphs
+        .each_ref()
+        .map(|graph| format!("{}-", to_base_36(graph.id())));
     for begin in &begins {
         let with_name = |arguments: &[&str]| world.run(&[arguments, &["--run", begin]].concat());
         let top = with_name(&["top", "--once", "--json", "--every", "0.5"]).done();

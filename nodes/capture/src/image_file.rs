@@ -51,15 +51,22 @@ pub(crate) enum Depth {
     Numbers,
 }
 
+/// What a file of 16-bit values says of white.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum White {
+    /// Nothing.
+    Unsaid,
+    /// What it is: values were scaled by it.
+    Said,
+    /// That it is 0.
+    IsZero,
+}
+
 /// An image's gray levels as they are in its file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Samples {
     Bytes(Vec<u8>),
-    Deep {
-        values: Vec<u16>,
-        /// Whether the file itself says what white is, and they were scaled by it.
-        is_full: bool,
-    },
+    Deep { values: Vec<u16>, white: White },
     Numbers(Vec<f32>),
 }
 
@@ -109,10 +116,19 @@ pub(crate) fn decoded(path: &Path, scan: Option<u64>) -> Result<Decoded, SourceE
     image.apply_orientation(turn);
     let samples = match head.depth {
         Depth::Bytes => Samples::Bytes(image.into_luma8().into_raw()),
-        Depth::Deep => Samples::Deep {
-            values: image.into_luma16().into_raw(),
-            is_full: format == Some(ImageFormat::Pnm) && says_white(path)?,
-        },
+        Depth::Deep => {
+            let white = match format {
+                Some(ImageFormat::Pnm) if says_white(path)? => White::Said,
+                Some(ImageFormat::Tiff) if numbers::is_negative(path) => White::IsZero,
+                _ => White::Unsaid,
+            };
+            let mut values = image.into_luma16().into_raw();
+            if white == White::IsZero {
+                // As they are in the file: the decoder made them positive, as if all bits were used.
+                values.iter_mut().for_each(|value| *value = !*value);
+            }
+            Samples::Deep { values, white }
+        }
         Depth::Numbers => Samples::Numbers(numbers::gray(&image.into_rgb32f())),
     };
     Ok(Decoded {

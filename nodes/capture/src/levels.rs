@@ -11,7 +11,7 @@
 use std::path::Path;
 
 use crate::error::SourceError;
-use crate::image_file::{self, Decoded, Depth, Samples};
+use crate::image_file::{self, Decoded, Depth, Samples, White};
 
 /// Images beyond the first scan's that are looked at, evenly over all, at most.
 const OTHERS: usize = 24;
@@ -77,21 +77,32 @@ impl Levels {
                 pixels,
                 beyond: None,
             },
-            Samples::Deep { values, is_full } => {
-                let bits = if is_full { 16 } else { self.bits };
+            Samples::Deep { values, white } => {
+                let bits = if white == White::Said { 16 } else { self.bits };
+                let is_negative = white == White::IsZero;
                 let white = (1u32 << bits) - 1;
                 let most = values.iter().copied().max().unwrap_or_default();
                 let scaled = |value: u16| (u32::from(value).min(white) * 255 + white / 2) / white;
+                let mut pixels: Vec<u8> = values.into_iter().map(|v| scaled(v) as u8).collect();
+                if is_negative {
+                    pixels.iter_mut().for_each(|gray| *gray = u8::MAX - *gray);
+                }
                 Gray {
-                    pixels: values.into_iter().map(|v| scaled(v) as u8).collect(),
+                    pixels,
                     beyond: (u32::from(most) > white).then_some(most.into()),
                 }
             }
             Samples::Numbers(values) => {
                 let most = values.iter().copied().filter(|v| v.is_finite());
                 let most = most.fold(0.0, f32::max);
-                // What is no number is black, as what was not seen.
-                let scaled = |value: f32| (value / self.white * 255.0).round() as u8;
+                // What is no number repeats the one before it, so that no contour comes about that could be matched.
+                let mut last = 0.0;
+                let scaled = |value: f32| {
+                    if value.is_finite() {
+                        last = value;
+                    }
+                    (last / self.white * 255.0).round() as u8
+                };
                 Gray {
                     pixels: values.into_iter().map(scaled).collect(),
                     beyond: (most > OVERSHOOT * self.white).then_some(most),
@@ -274,7 +285,9 @@ pub(crate) fn found(
         }
         match samples {
             Samples::Bytes(_) => {}
-            Samples::Deep { is_full: true, .. } => is_full = true,
+            Samples::Deep {
+                white: White::Said, ..
+            } => is_full = true,
             Samples::Deep { values, .. } => {
                 let seen = Deep {
                     said: image_file::significant_bits(file),
@@ -434,7 +447,7 @@ mod tests {
         let of = |values: &[u16]| {
             levels.gray(Samples::Deep {
                 values: values.to_vec(),
-                is_full: false,
+                white: White::Unsaid,
             })
         };
         assert_eq!(of(&[0, 512, 1023]).pixels, [0, 128, 255]);
@@ -444,7 +457,7 @@ mod tests {
         let doubt = levels.doubt(Path::new("a.png"), Some(3), 4000.0);
         assert!(doubt.contains("a.png (scan 3)") && doubt.ends_with("set capture.bits=12"));
         let numbers = levels.gray(Samples::Numbers(vec![-0.1, 0.5, 1.1, f32::NAN]));
-        assert_eq!(numbers.pixels, [0, 128, 255, 0]);
+        assert_eq!(numbers.pixels, [0, 128, 255, 255]);
     }
 
     #[test]

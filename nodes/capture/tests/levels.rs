@@ -320,7 +320,11 @@ fn numbers_from_0_to_1_to_255_or_to_what_bits_hold_are_read() {
         );
         assert_eq!(source.notices(), [said]);
         let pixels = read(&mut source, 0, 1);
-        assert_eq!(pixels[7..9], [0, 0]);
+        assert_eq!(
+            pixels[7..9],
+            [pixels[6], 0],
+            "no number, and less than black"
+        );
         let shown = gray(1);
         let pairs = pixels.iter().zip(shown.as_raw()).enumerate();
         let mut off = pairs.filter(|(at, _)| !(7..9).contains(at));
@@ -341,6 +345,29 @@ fn numbers_from_0_to_1_to_255_or_to_what_bits_hold_are_read() {
             assert!(most_off(&mut whole.open().unwrap(), 0) <= 1, "{white}");
         }
     }
+}
+
+#[test]
+fn twelve_bit_of_which_white_is_zero_are_scaled_too() {
+    use tiff::encoder::colortype::Gray16;
+    use tiff::tags::Tag;
+    let folder = Folder::of(|view, path| {
+        let file = File::create(path.with_extension("tiff")).unwrap();
+        let mut encoder = tiff::encoder::TiffEncoder::new(file).unwrap();
+        let mut image = encoder.new_image::<Gray16>(SIZE.0, SIZE.1).unwrap();
+        let white = image.encoder();
+        white
+            .write_tag(Tag::PhotometricInterpretation, 0u16)
+            .unwrap();
+        let negative: Vec<u16> = deep(view, 4_095)
+            .iter()
+            .map(|value| 4_095 - value)
+            .collect();
+        image.write_data(&negative).unwrap();
+    });
+    let mut source = folder.open().unwrap();
+    assert_eq!(source.bits(), Some(12));
+    assert!(most_off(&mut source, 0) <= 1);
 }
 
 #[test]

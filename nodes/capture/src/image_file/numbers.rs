@@ -99,6 +99,17 @@ impl File {
     }
 }
 
+/// Whether a TIFF says that white is 0.
+pub(super) fn is_negative(path: &Path) -> bool {
+    let said = || {
+        let file = BufReader::new(std::fs::File::open(path).ok()?);
+        let mut decoder = Decoder::new(file).ok()?;
+        let said = decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation);
+        said.ok().flatten()
+    };
+    said() == Some(0)
+}
+
 /// The gray levels of a picture in colour.
 pub(super) fn gray(image: &Rgb32FImage) -> Vec<f32> {
     image.pixels().map(|pixel| weighed(&pixel.0)).collect()
