@@ -331,9 +331,9 @@ fn rank(name: &str, letters: [&str; 3], first: i32) -> Option<i32> {
     let is_outer = fields
         .iter()
         .any(|field| OUTER.contains(&field.text.as_str()));
-    let numbers = fields.iter().filter(|field| field.is_number);
+    let mut numbers = fields.iter().filter(|field| field.is_number);
     let number = numbers
-        .last()
+        .next_back()
         .and_then(|field| field.text.parse::<u16>().ok());
     let number = number.map_or(1, |number| i32::from(number) + 1 - first);
     Some(match (side, is_outer) {
