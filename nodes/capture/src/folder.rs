@@ -334,9 +334,10 @@ fn in_turn(
             });
         }
         warnings.push(format!(
-            "{} of {} are left out, for not all cameras took an image: {} lacks {camera}'s{}",
+            "{} of {} {} left out, for not all cameras took an image: {} lacks {camera}'s{}",
             counted(lacking.len(), "time"),
             table.times.len(),
+            if lacking.len() > 1 { "are" } else { "is" },
             first.name,
             if lacking.len() > 1 { " for one" } else { "" }
         ));

@@ -35,6 +35,8 @@ const COMMON: usize = 10;
 /// Where so small a share of the corners that were sought is found, of at least so many, two views show nothing in common.
 const STRANGE: f64 = 0.15;
 const SOUGHT: usize = 60;
+/// Rows and columns from which on views are said to show nothing in common.
+const LEAST_SIDE: u32 = 96;
 /// Gray levels between nearly the darkest and nearly the brightest pixel of a view of which nothing can be seen.
 const FLAT: u8 = 2;
 /// Pixels up to which nothing has moved.
@@ -338,7 +340,12 @@ impl<'a> Sight<'a> {
             .map(|view| [view - 1, view + 1])
             .collect();
         pairs.extend(self.between(around.into_iter(), strictly));
-        let mut findings = strangers(&pairs, count);
+        // What is a strip of few rows or columns is found in too few places to say that.
+        let is_strip = self.size.width.min(self.size.height) < LEAST_SIDE;
+        let mut findings = match is_strip {
+            true => Vec::new(),
+            false => strangers(&pairs, count),
+        };
         let neighbours = || {
             pairs
                 .iter()

@@ -330,3 +330,15 @@ fn large_pictures_are_measured_in_their_own_pixels() {
     assert!((rows.offset_px - 2.0).abs() < 0.15, "{rows:?}");
     assert_eq!(look.findings.len(), 2, "{:?}", look.findings);
 }
+
+#[test]
+fn of_strips_of_few_rows_or_columns_nobody_says_that_they_show_something_else() {
+    for size in [Size::new(640, 40), Size::new(40, 480)] {
+        let pictures = [0.0, 1.0, 2.0].map(|place| picture(taken(place), size));
+        let views: Vec<&[u8]> = pictures.iter().map(Vec::as_slice).collect();
+        let found = look(&views, size).findings;
+        let is_strange =
+            |finding: &Finding| matches!(finding, Finding::Apart { .. } | Finding::Odd { .. });
+        assert!(!found.iter().any(is_strange), "{size}: {found:?}");
+    }
+}
