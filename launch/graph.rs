@@ -242,6 +242,10 @@ impl Graph {
 
     /// The filter's channels, coarse to fine.
     pub(crate) fn channels(&self) -> Result<Vec<f32>, Failure> {
+        if !self.has("filter") {
+            let text = "the graph has no [filter], and everything after capture is made of its channels: add [filter] to the graph file";
+            return Err(Failure::usage(text));
+        }
         let channels = self.settings_of("filter").get("channels");
         let channels: Vec<f32> = serde_json::from_value(channels.cloned().unwrap_or_default())
             .map_err(Failure::usage)?;

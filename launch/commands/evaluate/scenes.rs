@@ -213,7 +213,7 @@ fn open(graph: &Graph, spec: &str) -> Result<Source, Failure> {
     })?;
     match source.view_count() {
         0..3 => Err(Failure::usage(
-            "scenes of three views or more are compared, not the frames of a rail: `run` evaluates those as topics",
+            "scenes of three views or more are compared here, and a rail's frames are not: `run` the rail with each setting, which evaluates it (topic evaluation) where the truth is known",
         )),
         _ => Ok(source),
     }
