@@ -229,7 +229,9 @@ def is_silent(viewer):
 
 
 def live(folder):
-    process = Process('run', '--view', '--set', 'bridge.port=0', '--scans', '100000', '--record', 'live.mcap',
+    # One scene, so that scans can be compared: of the fence nearly all matches score highest.
+    process = Process('run', '--source', 'scene:screwdriver', '--view', '--set', 'bridge.port=0', '--scans', '100000',
+                      '--record', 'live.mcap',
                       '--profile', 'thesis', '--set', 'record.without=["edges", "curves", "tables"]', cwd=folder)
     viewer = greeted(process)
     wanted = {'time', 'parameters', 'parametersSubscribe', 'services', 'connectionGraph'}
@@ -244,14 +246,13 @@ def live(folder):
     viewer.say(op='getParameters', parameterNames=[], id='all')
     viewer.until(lambda: 'match.score' in viewer.parameters, 'parameters')
     score = viewer.parameters['match.score']
-    # The four rendered scenes take turns.
     before = scans_of(viewer, 'statistics', 8)
     viewer.set('strict', match__score=0.999)
     viewer.until(lambda: viewer.parameters['match.score'] == 0.999, 'match.score set')
     time.sleep(1)
     after = scans_of(viewer, 'statistics', 12)[4:]
     mean = lambda scans: sum(s['matches'] for s in scans) / len(scans)
-    expect(mean(after) < 0.9 * mean(before), f'{mean(before)} matches a scan, with a stricter score {mean(after)}')
+    expect(mean(after) < 0.7 * mean(before), f'{mean(before)} matches a scan, with a stricter score {mean(after)}')
     print(f'live: match.score {score} -> 0.999: {mean(before):.0f} -> {mean(after):.0f} matches a scan')
 
     for values, why in (({'match__score': 7.0}, 'between 0 and 1'), ({'match__score': 'high'}, 'match.score'),
