@@ -82,7 +82,7 @@ impl Matcher {
                     self.nodes.push(Node {
                         x: curve.x,
                         y: curve.y,
-                        disparity: closed.course.at(curve.y),
+                        disparity: closed.course.at(curve.y, curve.x),
                         certainty: closed.score,
                         support: 1.0,
                     });
@@ -127,7 +127,8 @@ impl Matcher {
                 choice.support = node.support;
             }
             let points = &reference.points[curve.range()];
-            differences::fill_whole(points, choices, s.filling, &found.course);
+            let centroid = found.course.at(curve.y, curve.x);
+            differences::fill_whole(points, choices, s.filling, &found.course, centroid);
         }
 
         self.around

@@ -10,7 +10,7 @@ use crate::ChannelView;
 use crate::course::{Band, Course};
 use crate::rows::Rows;
 use crate::triple::Steps;
-use crate::vote::{Ballot, Peak, Side, Votes};
+use crate::vote::{Ballot, Lowered, Peak, Side, Votes};
 
 /// When a loop is closed.
 #[derive(Clone, Debug)]
@@ -67,7 +67,8 @@ impl ClosedLoop {
         }
     }
 
-    /// How well the votes of a curve of the reference view agree with one disparity in the view `to`.
+    /// How well the votes of a curve of the reference view agree with one course in the view `to`, and what they say about
+    /// that view's rows.
     pub(crate) fn agreement(
         &mut self,
         views: Views<'_>,
@@ -75,7 +76,7 @@ impl ClosedLoop {
         (to, steps): (usize, f32),
         band: &Band,
         ballot: &Ballot,
-    ) -> f32 {
+    ) -> Lowered {
         let sides = sides(&self.places, views);
         self.votes
             .agreement(label, &sides[reference], &sides[to], steps, band, ballot)
@@ -97,7 +98,8 @@ impl ClosedLoop {
             places,
         } = self;
         let sides = sides(places, views);
-        let row = views.views[steps.reference].curves.curves[label as usize].y;
+        let curve = &views.views[steps.reference].curves.curves[label as usize];
+        let here = |course: Course| course.at(curve.y, curve.x);
         let mut step = |(from, label), to, steps, band: &Band, peaks: &mut Vec<Peak>| {
             votes.count(
                 label,
@@ -127,23 +129,26 @@ impl ClosedLoop {
             if !steps.third {
                 reason = Reason::Loop;
                 let to = steps.reference;
-                step(from, to, -steps.to_near, &around(near.course), backs);
+                let course = near.course.seen_from(steps.to_near);
+                step(from, to, -steps.to_near, &around(course), backs);
                 let own = |back: &&Peak| back.curve == label;
                 let Some(back) = backs.iter().find(own) else {
                     continue;
                 };
-                let residual = (near.course.at(row) - back.course.at(row)).abs();
+                let course = back.course.seen_from(-steps.to_near);
+                let residual = (here(near.course) - here(course)).abs();
                 if residual <= closing.residual {
                     return Ok(Closed {
                         curves: steps.in_order(label, near.curve, NONE),
-                        course: back.course,
+                        course,
                         score: near.score.min(back.score),
                         residual,
                     });
                 }
                 continue;
             }
-            step(from, steps.far, between, &around(near.course), fars);
+            let course = near.course.seen_from(steps.to_near);
+            step(from, steps.far, between, &around(course), fars);
             if reason != Reason::Loop {
                 reason = Reason::ThirdView;
             }
@@ -151,17 +156,20 @@ impl ClosedLoop {
                 reason = Reason::Loop;
                 let from = (steps.far, far.curve);
                 let to = steps.reference;
-                step(from, to, -steps.to_far, &around(far.course), backs);
+                let course = far.course.seen_from(between);
+                step(from, to, -steps.to_far, &around(course), backs);
                 let own = |back: &&Peak| back.curve == label;
                 let Some(back) = backs.iter().find(own) else {
                     continue;
                 };
-                let way = steps.to_near * near.course.at(row) + between * far.course.at(row);
-                let residual = (way - steps.to_far * back.course.at(row)).abs();
+                let course = back.course.seen_from(-steps.to_far);
+                let second = here(far.course.seen_from(-steps.to_near));
+                let way = steps.to_near * here(near.course) + between * second;
+                let residual = (way - steps.to_far * here(course)).abs();
                 if residual <= closing.residual {
                     return Ok(Closed {
                         curves: steps.in_order(label, near.curve, far.curve),
-                        course: back.course,
+                        course,
                         score: near.score.min(far.score).min(back.score),
                         residual,
                     });

@@ -37,7 +37,7 @@ pub(crate) fn row_by_row(
         if !edge.is_in_row() || is_flat(edge.orientation, pairing.flat) {
             continue;
         }
-        let expected = closed.course.at(edge.y);
+        let expected = closed.course.at(edge.y, edge.x);
         // The matched curve's own point, or, where the contour is broken elsewhere in that view, another one's that goes
         // on in its place.
         let partner = |view: usize, to: f32, reach: f32, expected: f32| {
@@ -97,13 +97,14 @@ pub(crate) fn row_by_row(
     }
 }
 
-/// Gives the points of a matched curve that have no pair the curve's disparity: interpolated along the curve and held
-/// at its ends, or, as in the thesis, that of the curve.
+/// Gives the points of a matched curve that have no pair the curve's disparity: interpolated along the curve, and from its
+/// last pair on as its course goes on; or, as in the thesis, that of the centroid.
 pub(crate) fn fill_whole(
     edges: &[Edge],
     choices: &mut [Choice],
     filling: Filling,
     course: &Course,
+    centroid: f32,
 ) {
     let filled = |disparity: f32, like: Choice| Choice {
         disparity,
@@ -125,19 +126,17 @@ pub(crate) fn fill_whole(
                 cost: 1.0,
                 ..Choice::NOTHING
             });
-            let of_course = course.at(edges[between].y);
-            let along = match (before, after) {
-                (Some(a), Some(b)) => {
+            let course = |at: usize| course.at(edges[at].y, edges[at].x);
+            let beside = |at: usize, seen: Choice| seen.disparity + course(between) - course(at);
+            let disparity = match (filling, before, after) {
+                (Filling::Centroid, ..) => centroid,
+                (Filling::Along, Some(a), Some(b)) => {
                     let share = (between + 1 - start) as f32 / (at + 1 - start) as f32;
                     a.disparity + share * (b.disparity - a.disparity)
                 }
-                (Some(a), None) => a.disparity,
-                (None, Some(b)) => b.disparity,
-                (None, None) => of_course,
-            };
-            let disparity = match filling {
-                Filling::Along => along,
-                Filling::Centroid => of_course,
+                (Filling::Along, Some(a), None) => beside(start - 1, a),
+                (Filling::Along, None, Some(b)) => beside(at, b),
+                (Filling::Along, None, None) => course(between),
             };
             choices[between] = filled(disparity, like);
         }

@@ -137,8 +137,8 @@ messages::settings! {
         pub vote_rows: f32 = 1.0, in 0..=16;
         /// Assignment of curves: pixels of disparity within which votes agree.
         pub vote_cell: f32 = 1.5, in 0.1..=16;
-        /// Assignment of curves: most that a curve's disparity changes from row to row, in pixels; 0 knows only curves of
-        /// one disparity.
+        /// Assignment of curves: most that a curve's disparity changes from row to row or column to column, in pixels; 0 knows
+        /// only curves of one disparity.
         pub slant_most: f32 = 0.05, in 0..=1;
         /// Assignment of curves: votes by length that a partner needs.
         pub score: f32 = 0.5, in 0..=1;
@@ -182,7 +182,7 @@ impl Settings {
             window_widths: 1.5,
             window_rows: 24.0,
             orientation_tolerance: 10.0,
-            filling: Filling::Centroid,
+            filling: Filling::Along,
             ..Self::default()
         }
     }

@@ -8,8 +8,8 @@
 
 use messages::{Entry, NONE, Table};
 
-use crate::course::{Band, Course, Fullest, Lanes, Vote};
-use crate::rows::{Rows, is_flat, turn};
+use crate::course::{Band, Course, Fit, Fullest, Lanes, Vote};
+use crate::rows::{Rows, STEEPEST, is_flat, turn};
 use crate::{ChannelView, Range};
 
 /// How votes are counted.
@@ -95,7 +95,7 @@ impl Votes {
         let Some((table, entries)) = table_of(from, label) else {
             return;
         };
-        let row = table.y - from.lower;
+        let middle = (table.y - from.lower, table.x);
         let steep = self.cast(entries, from, to, steps, band, ballot);
         let found_by_votes = steep >= STEEP * table.weight;
         if !found_by_votes {
@@ -121,27 +121,20 @@ impl Votes {
             let course = if found_by_votes {
                 self.own.clear();
                 self.own.extend(votes.iter().map(|cast| cast.vote));
-                self.fullest.lane(&self.own, band, row, ballot.lanes)
+                self.fullest.lane(&self.own, band, middle, ballot.lanes)
             } else {
                 let lengths = [table.count, other.count].map(|count| count as f32);
                 let longer = lengths[0].max(lengths[1]);
                 let alike = (lengths[0] - lengths[1]).abs() <= LENGTHS * longer;
-                alike.then(|| Course {
-                    row,
-                    disparity: (table.x - other.x) / steps,
-                    slope: 0.0,
-                })
+                alike.then(|| Course::level((table.x - other.x) / steps))
             };
             let Some(course) = course else {
                 continue;
             };
-            let half = ballot.lanes.width / 2.0;
             let mut agreeing: f32 = 0.0;
             if found_by_votes {
                 for votes in votes.chunk_by(|a, b| a.entry == b.entry) {
-                    let holds = |cast: &&Cast| {
-                        (cast.vote.disparity - course.at(cast.vote.row)).abs() <= half
-                    };
+                    let holds = |cast: &&Cast| ballot.lanes.hold(&cast.vote, &course);
                     agreeing += votes
                         .iter()
                         .find(holds)
@@ -187,7 +180,7 @@ impl Votes {
                 continue;
             };
             steep += entry.weight;
-            for (_, spot) in to.rows.within(row as usize, x, steps, band.at(row)) {
+            for (_, spot) in to.rows.within(row as usize, x, steps, band.at(row, x)) {
                 if turn(spot.orientation, entry.orientation) <= ballot.turn
                     && !is_flat(spot.orientation, ballot.flat)
                 {
@@ -196,7 +189,9 @@ impl Votes {
                         entry: number,
                         vote: Vote {
                             row,
+                            column: x,
                             disparity: (x - spot.x) / steps,
+                            slant: spot.orientation.tan(),
                             weight: entry.weight,
                         },
                     });
@@ -222,7 +217,7 @@ impl Votes {
                 continue;
             };
             let row = edge.y - from.lower;
-            let range = band.at(row);
+            let range = band.at(row, edge.x);
             let ends = [edge.x - steps * range.least, edge.x - steps * range.most];
             let (left, right) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
             let mut last = NONE;
@@ -232,7 +227,9 @@ impl Votes {
                     last = curve;
                     let vote = Vote {
                         row,
+                        column: edge.x,
                         disparity: (edge.x - near.x) / steps,
+                        slant: 0.0,
                         weight: entry.weight,
                     };
                     self.cast.push(Cast {
@@ -245,8 +242,9 @@ impl Votes {
         }
     }
 
-    /// How well the votes for any one curve agree with one disparity, those in the middle of their lane counting most: a
-    /// curve of another view that lies a row too low or too high spreads its votes.
+    /// Takes the votes of a curve for the curve that agrees best with one course, those in the middle of the lane counting
+    /// most: how well they agree, and by how many rows more the other view's picture would have to lie lower for them to
+    /// agree better.
     pub(crate) fn agreement(
         &mut self,
         label: u32,
@@ -255,27 +253,84 @@ impl Votes {
         steps: f32,
         band: &Band,
         ballot: &Ballot,
-    ) -> f32 {
+    ) -> Lowered {
         let Some((table, entries)) = table_of(from, label) else {
-            return 0.0;
+            return Lowered::default();
         };
         self.cast(entries, from, to, steps, band, ballot);
         self.cast
             .sort_unstable_by_key(|cast| (cast.curve, cast.entry));
-        let mut best: f32 = 0.0;
+        let middle = (table.y - from.lower, table.x);
+        let mut best = Lowered::default();
         for votes in self.cast.chunk_by(|a, b| a.curve == b.curve) {
             self.own.clear();
             self.own.extend(votes.iter().map(|cast| cast.vote));
-            let row = table.y - from.lower;
-            if let Some(course) = self.fullest.lane(&self.own, band, row, ballot.lanes) {
-                let agrees = |vote: &Vote| {
-                    let off = (vote.disparity - course.at(vote.row)) / (ballot.lanes.width / 2.0);
-                    vote.weight * (1.0 - off * off).max(0.0)
-                };
-                best = best.max(self.own.iter().map(agrees).sum());
+            if let Some(course) = self.fullest.lane(&self.own, band, middle, ballot.lanes) {
+                let found = Lowered::of(&self.own, &course, ballot.lanes, steps);
+                if found.agreement > best.agreement {
+                    best = found;
+                }
             }
         }
         best
+    }
+}
+
+/// What a curve's votes say about the rows of another view's picture.
+///
+/// Where that lies δ rows lower than assumed, a contour is met δ·tan θ to the right of where it should be, θ being its
+/// gradient's direction: by that its disparities are less, divided by the steps. What of it a plane takes up cannot be
+/// told from a slant of the surface; the rest, regressed on tan θ, tells δ.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lowered {
+    /// Votes, those in the middle of the lane counting most.
+    pub(crate) agreement: f32,
+    /// Sum of tan θ times what disparities are beyond, both beside their planes, …
+    pub(crate) both: f32,
+    /// … and of its square.
+    pub(crate) squares: f32,
+}
+
+impl Lowered {
+    fn of(votes: &[Vote], course: &Course, lanes: Lanes, steps: f32) -> Self {
+        let (mut slants, mut offs) = (Fit::default(), Fit::default());
+        let inside = |vote: &&Vote| lanes.hold(vote, course);
+        let place = |vote: &Vote| (vote.row - course.row, vote.column - course.column);
+        let slant = |vote: &Vote| vote.slant.clamp(-STEEPEST, STEEPEST);
+        let mut found = Self::default();
+        for vote in votes.iter().filter(inside) {
+            let (y, x) = place(vote);
+            let off = vote.beyond(course);
+            slants.add(vote.weight, y, x, slant(vote));
+            offs.add(vote.weight, y, x, off);
+            let share = off / (lanes.width / 2.0);
+            found.agreement += vote.weight * (1.0 - share * share);
+        }
+        // Planes that take up all they can, or nothing but the mean where lanes are level.
+        let least = if lanes.slope > 0.0 {
+            0.1
+        } else {
+            f32::INFINITY
+        };
+        let (Some(slants), Some(offs)) = (slants.plane(least), offs.plane(least)) else {
+            return found;
+        };
+        let beside = |plane: (f32, f32, f32), (y, x)| plane.0 + plane.1 * y + plane.2 * x;
+        for vote in votes.iter().filter(inside) {
+            let slant = slant(vote) - beside(slants, place(vote));
+            let off = vote.beyond(course) - beside(offs, place(vote));
+            found.both -= vote.weight * slant * off * steps;
+            found.squares += vote.weight * slant * slant;
+        }
+        found
+    }
+}
+
+impl std::ops::AddAssign for Lowered {
+    fn add_assign(&mut self, other: Self) {
+        self.agreement += other.agreement;
+        self.both += other.both;
+        self.squares += other.squares;
     }
 }
 
@@ -320,7 +375,7 @@ fn met(
             continue;
         }
         let row = edge.y - from.lower;
-        let x = edge.x - steps * course.at(row);
+        let x = edge.x - steps * course.at(row, edge.x);
         let mut is_met = false;
         about(to, row, x - reach, x + reach, ballot.rows, |point, own| {
             let near = &to.view.curves.points[point as usize];
