@@ -110,8 +110,8 @@ impl From<DeliveryArg> for Delivery {
 pub(crate) struct Run {
     /// The graph file; without one, the built-in graph
     pub(crate) graph: Option<PathBuf>,
-    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, a folder of such folders, a bag
-    /// (bag:PATH: a rosbag2 folder, .mcap or .db3), or cameras: camera:gstreamer, camera:v4l, camera:bus
+    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, scene:thesis, a folder of images, a folder of such
+    /// folders, a bag (bag:PATH: a rosbag2 folder, .mcap or .db3), or cameras: camera:gstreamer, camera:v4l, camera:bus
     #[arg(long, value_name = "SPEC")]
     pub(crate) source: Option<String>,
     /// Which of the source's views, left to right: at least three at equal steps, or all
@@ -223,8 +223,8 @@ impl From<LensModel> for Model {
 
 #[derive(Debug, Args)]
 pub(crate) struct CheckGeometry {
-    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, a folder of images, a folder of such folders, or a
-    /// bag: a rosbag2 folder, .mcap or .db3
+    /// scene:tab, scene:jack, scene:screwdriver, scene:fence, scene:all, scene:thesis, a folder of images, a folder of such
+    /// folders, or a bag: a rosbag2 folder, .mcap or .db3
     #[arg(value_name = "SOURCE")]
     pub(crate) source: String,
     /// Which of the source's views, left to right: at least three at equal steps, or all
@@ -560,7 +560,7 @@ impl From<MethodArg> for matching::Method {
 
 #[derive(Debug, Args)]
 pub(crate) struct Evaluate {
-    /// scene:all, folders of scenes with their truth (scene.json, or as Middlebury hands them out), or folders of such
+    /// scene:all, scene:thesis, folders of scenes with their truth (scene.json, or as Middlebury hands them out), or folders of such
     #[arg(required = true, value_name = "SPEC")]
     pub(crate) sources: Vec<String>,
     /// Which of each scene's views, left to right: at least three at equal steps, or all

@@ -1,6 +1,6 @@
 //! Writes what the rendered scenes show, for people to look at.
 //!
-//! `cargo run --release -p capture --example render -- FOLDER [NOISE]` writes per scene and position the picture, the
+//! `cargo run --release -p capture --example render -- FOLDER [NOISE [SOURCE]]` writes per scene and position the picture, the
 //! true disparity (bright is near) and, in black, what not all three views see.
 
 use std::error::Error;
@@ -17,10 +17,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         .next()
         .ok_or("which folder shall the pictures go to?")?;
     let noise = arguments.next().map_or(Ok(1.0), |noise| noise.parse())?;
-    let mut source = Source::open(&Settings {
+    let mut settings = Settings {
         noise,
         ..Settings::default()
-    })?;
+    };
+    if let Some(source) = arguments.next() {
+        settings.source = source;
+    }
+    let mut source = Source::open(&settings)?;
     let size = source.size();
     let save = |name: String, pixels: &[u8]| {
         image::save_buffer(

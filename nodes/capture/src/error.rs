@@ -25,7 +25,7 @@ pub enum SourceError {
 
     /// A scene that is not among the rendered ones.
     #[error(
-        "there is no rendered scene {name:?}{}; known are all, tab, jack, screwdriver and fence",
+        "there is no rendered scene {name:?}{}; known are all, tab, jack, screwdriver, fence, thesis (thesis-tab, thesis-jack, thesis-screwdriver) and thesis-misaligned",
         nearest.map_or(String::new(), |known| format!(", did you mean scene:{known}?"))
     )]
     UnknownScene {

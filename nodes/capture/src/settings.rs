@@ -84,10 +84,11 @@ impl<'de> Deserialize<'de> for Views {
 messages::settings! {
     /// Where scans come from and how many of them there are.
     pub struct Settings {
-        /// `scene:tab`, `scene:jack`, `scene:screwdriver`, `scene:fence` (rendered), `scene:all` (the four in turn), or the
-        /// path of a folder: of one scene's images, or of those of several cameras and times; or `bag:` and the path of a
-        /// bag (a rosbag2 folder, an `.mcap` or a `.db3` file); or cameras: `camera:gstreamer`, `camera:v4l`, or
-        /// `camera:bus`, which other programs publish.
+        /// `scene:tab`, `scene:jack`, `scene:screwdriver`, `scene:fence` (rendered), `scene:all` (the four in turn),
+        /// `scene:thesis` (the thesis's photographs: `thesis-tab`, `thesis-jack` and `thesis-screwdriver` in turn, and
+        /// `thesis-misaligned` with cameras a row out of line), or the path of a folder: of one scene's images, or of those of
+        /// several cameras and times; or `bag:` and the path of a bag (a rosbag2 folder, an `.mcap` or a `.db3` file); or
+        /// cameras: `camera:gstreamer`, `camera:v4l`, or `camera:bus`, which other programs publish.
         pub source: String = "scene:all".to_owned();
         /// Which of a scene's views to take, left to right, counted from 0; at least three at equal steps, or all. Empty:
         /// all of exactly three, else the first triple that `scene.json` lists, else the first three.

@@ -122,15 +122,14 @@ impl Source {
     }
 
     fn rendered(name: &str, settings: &Settings) -> Result<Self, SourceError> {
-        let is_meant = |object: &Object| name == "all" || name == object.name();
-        let objects: Vec<Object> = Object::ALL.into_iter().filter(is_meant).collect();
-        if objects.is_empty() {
-            let nearest = settings::nearest(name, known_scenes());
+        let objects = Object::named(name);
+        let Some(&first) = objects.first() else {
+            let nearest = settings::nearest(name, Object::names());
             return Err(SourceError::UnknownScene {
                 name: name.to_owned(),
                 nearest,
             });
-        }
+        };
         Rectifier::refuse(
             settings,
             "rendered scenes are rectified already; leave calibration away",
@@ -139,13 +138,13 @@ impl Source {
             return Self::rendered_rail(&objects, settings);
         }
         // A rail of five positions has no triple of its own: its first three are meant.
-        let choice = Choice::among(&settings.views, scene::POSITIONS, None);
-        let positions: Vec<f64> = (0..scene::POSITIONS)
+        let choice = Choice::among(&settings.views, first.positions(), None);
+        let positions: Vec<f64> = (0..first.positions())
             .map(|position| position as f64)
             .collect();
         let step = choice.step(&settings.source, &positions)?;
         let views = choice.views.len();
-        let calibrated = calibration(settings, scene::camera(step), views, &[scene::SIZE])?;
+        let calibrated = calibration(settings, first.camera(step), views, &[scene::SIZE])?;
         let scenes = objects
             .into_iter()
             .map(|object| Rendered::new(object, &choice.views))
@@ -174,7 +173,7 @@ impl Source {
                 count: objects.len(),
             });
         };
-        let last = scene::POSITIONS - 1;
+        let last = object.positions() - 1;
         let order: Vec<usize> = (0..last).chain((1..=last).rev()).collect();
         let passed = Passed {
             own_steps: order.iter().map(|&position| position as f64).collect(),
@@ -185,13 +184,13 @@ impl Source {
             in_metres: false,
             is_either_way: false,
         };
-        // Its five positions leave no choice, and it is level.
+        // Its few positions leave no choice, and it is level.
         let settled = Settings {
             stride: settings.stride.or(Some(1)),
             drift: settings.drift.or(Some(0.0)),
             ..settings.clone()
         };
-        let camera = |in_metres| unit_camera(settings, in_metres, scene::camera(1.0), scene::SIZE);
+        let camera = |in_metres| unit_camera(settings, in_metres, object.camera(1.0), scene::SIZE);
         let rail = Rail::new(&settled, passed, scene::SIZE, camera, |_| Ok(Vec::new()))?;
         let positions: Vec<u32> = (0..=last as u32).collect();
         Ok(Self {
@@ -414,7 +413,7 @@ impl Source {
         settings: &Settings,
         known: (&[f64], &[Sway]),
     ) -> Result<Self, SourceError> {
-        folder::check(path, settings::nearest(&settings.source, known_scenes()))?;
+        folder::check(path, settings::nearest(&settings.source, Object::names()))?;
         if settings.layout == Some(Layout::Rail) && settings.mode == Mode::Rig {
             return Err(SourceError::RailLayout);
         }
@@ -926,10 +925,6 @@ fn bag_pixels(
 /// Which of the source's scenes a scan shows: they take turns.
 fn turn<T>(scan: u64, scenes: &[T]) -> usize {
     (scan % scenes.len() as u64) as usize
-}
-
-fn known_scenes() -> impl Iterator<Item = &'static str> {
-    Object::ALL.into_iter().map(Object::name).chain(["all"])
 }
 
 /// The calibration, and what is to be said of it.

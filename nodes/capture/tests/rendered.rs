@@ -373,11 +373,11 @@ fn an_unknown_scene_is_refused_with_the_nearest_known_one() {
     };
     assert_eq!(
         sentence("scene:jak"),
-        "there is no rendered scene \"jak\", did you mean scene:jack?; known are all, tab, jack, screwdriver and fence"
+        "there is no rendered scene \"jak\", did you mean scene:jack?; known are all, tab, jack, screwdriver, fence, thesis (thesis-tab, thesis-jack, thesis-screwdriver) and thesis-misaligned"
     );
     assert_eq!(
         sentence("scene:"),
-        "there is no rendered scene \"\"; known are all, tab, jack, screwdriver and fence"
+        "there is no rendered scene \"\"; known are all, tab, jack, screwdriver, fence, thesis (thesis-tab, thesis-jack, thesis-screwdriver) and thesis-misaligned"
     );
 }
 

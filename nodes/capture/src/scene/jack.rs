@@ -44,7 +44,7 @@ fn blend(a: f32, b: f32) -> f32 {
 }
 
 /// The jack standing on three of its ends, turned about the vertical.
-fn jack(at: [f32; 2], turn: f32) -> [(Part, Pose); 2] {
+pub(super) fn jack(at: [f32; 2], turn: f32) -> [(Part, Pose); 2] {
     let up = Rotation::from_rotation_arc(Vec3::ONE.normalize(), Vec3::Z);
     // The balls underneath touch the floor.
     let height = REACH / 3.0_f32.sqrt() + BALL;

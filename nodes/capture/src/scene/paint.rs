@@ -15,6 +15,8 @@ pub(crate) struct Finish {
     pub(crate) albedo: f32,
     /// Strength of the sheen, 0 to 1.
     pub(crate) sheen: f32,
+    /// Which of the paints of a part that is marked in several.
+    pub(crate) mark: u8,
 }
 
 /// Finds the finish at a place of a part, in millimetres, seen at `detail` pixels per millimetre.
@@ -24,6 +26,7 @@ fn matt(albedo: f32) -> Finish {
     Finish {
         albedo: albedo.clamp(0.02, 0.95),
         sheen: 0.0,
+        mark: 0,
     }
 }
 
@@ -31,6 +34,7 @@ fn metal(albedo: f32, sheen: f32) -> Finish {
     Finish {
         albedo: albedo.clamp(0.02, 0.95),
         sheen,
+        mark: 0,
     }
 }
 
@@ -375,4 +379,43 @@ pub(crate) fn grating(place: Vec3, detail: f32) -> Finish {
 /// [`area`], with a border of three pixels instead of one: on flat ground nothing is sampled more finely.
 fn soft_area(inside: f32, detail: f32) -> f32 {
     smooth(-1.5, 1.5, inside * detail)
+}
+
+/// The ground of the thesis's photographs: card, with so little grain that noise covers it.
+pub(crate) fn card(place: Vec3, detail: f32) -> Finish {
+    matt(0.64 + 0.012 * flat_layers(place.truncate(), 22.0, 3, detail))
+}
+
+/// A mark `inside` whose border a place lies, on a ground.
+fn marked(ground: Finish, mark: Finish, inside: f32, detail: f32) -> Finish {
+    let share = area(inside, detail);
+    Finish {
+        albedo: mix(ground.albedo, mark.albedo, share),
+        sheen: mix(ground.sheen, mark.sheen, share),
+        mark: u8::from(inside > 0.0),
+    }
+}
+
+/// Sheet metal, dull, with a painted band across the upright.
+pub(crate) fn dull_sheet(place: Vec3, detail: f32) -> Finish {
+    let band = 7.0 - (place.y - 45.0).abs();
+    let metal = metal(0.36 + 0.015 * layers(place, 16.0, 2, detail), 0.06);
+    marked(metal, matt(0.72), band, detail)
+}
+
+/// Cast metal, dull and even.
+pub(crate) fn dull_cast(place: Vec3, detail: f32) -> Finish {
+    metal(0.35 + 0.015 * layers(place, 14.0, 2, detail), 0.10)
+}
+
+/// A dark handle of one colour with a bright ring.
+pub(crate) fn plain_handle(place: Vec3, detail: f32) -> Finish {
+    let ring = 4.0 - (place.z - 71.0).abs();
+    let plastic = metal(0.24 + 0.01 * layers(place, 14.0, 2, detail), 0.08);
+    marked(plastic, matt(0.62), ring, detail)
+}
+
+/// Dull steel of one tone.
+pub(crate) fn dull_steel(place: Vec3, detail: f32) -> Finish {
+    metal(0.33 + 0.01 * layers(place, 14.0, 2, detail), 0.12)
 }

@@ -12,11 +12,11 @@ use crate::truth::Truth;
 
 /// Size of every rendered picture.
 pub(crate) const SIZE: Size = Size::new(512, 480);
-/// Focal length in pixels.
+/// Focal length in pixels of a camera that is given none.
 pub(crate) const FOCAL: f32 = 700.0;
 /// Column and row of the principal point.
 pub(crate) const CENTRE: [f32; 2] = [255.5, 239.5];
-/// Millimetres between neighbouring camera positions.
+/// Millimetres between neighbouring positions of a camera that is given none.
 pub(crate) const STEP: f32 = 10.0;
 /// The position straight before the scene, of which the cameras left and right see as much.
 const MIDDLE: f32 = 1.0;
@@ -28,6 +28,14 @@ pub(crate) struct Camera {
     forward: Vec3,
     /// Where it stands at [`MIDDLE`].
     middle: Vec3,
+    /// Focal length in pixels.
+    focal: f32,
+    /// Millimetres between neighbouring positions.
+    step: f32,
+    /// Rows by which each position's picture lies lower than it should.
+    rows_lower: [f32; 3],
+    /// Standard deviation of the blur of lens and sensor, in pixels, beside that of a pixel's own width.
+    blur: f32,
 }
 
 impl Camera {
@@ -39,17 +47,43 @@ impl Camera {
             down: Vec3::new(0.0, -sin, -cos),
             forward,
             middle: forward * -distance,
+            focal: FOCAL,
+            step: STEP,
+            rows_lower: [0.0; 3],
+            blur: 0.0,
         }
     }
 
+    /// The same camera with so many pixels of focal length, steps of so many millimetres and a blur of so many pixels.
+    pub(crate) fn with(self, focal: f32, step: f32, blur: f32) -> Self {
+        Self {
+            focal,
+            step,
+            blur,
+            ..self
+        }
+    }
+
+    /// The same camera whose pictures lie so many rows lower than they should.
+    pub(crate) fn out_of_line(self, rows_lower: [f32; 3]) -> Self {
+        Self { rows_lower, ..self }
+    }
+
     fn eye(&self, position: f32) -> Vec3 {
-        self.middle + Vec3::X * (position - MIDDLE) * STEP
+        self.middle + Vec3::X * (position - MIDDLE) * self.step
+    }
+
+    /// Column and row of the principal point.
+    fn centre(&self, position: f32) -> [f32; 2] {
+        let lower = self.rows_lower.get(position as usize);
+        [CENTRE[0], CENTRE[1] + lower.copied().unwrap_or_default()]
     }
 
     /// The ray through a place of the picture; one unit of it is one millimetre of depth.
     fn ray(&self, position: f32, x: f32, y: f32) -> Ray {
-        let right = (x - CENTRE[0]) / FOCAL;
-        let down = (y - CENTRE[1]) / FOCAL;
+        let centre = self.centre(position);
+        let right = (x - centre[0]) / self.focal;
+        let down = (y - centre[1]) / self.focal;
         Ray::new(
             self.eye(position),
             self.forward + Vec3::X * right + self.down * down,
@@ -60,7 +94,8 @@ impl Camera {
     fn project(&self, position: f32, point: Vec3) -> Vec2 {
         let from = point - self.eye(position);
         let depth = from.dot(self.forward);
-        Vec2::new(from.x, from.dot(self.down)) * (FOCAL / depth) + Vec2::from(CENTRE)
+        Vec2::new(from.x, from.dot(self.down)) * (self.focal / depth)
+            + Vec2::from(self.centre(position))
     }
 }
 
@@ -80,31 +115,38 @@ struct Hit {
 /// Light on the table: what reaches it past the solids, on a square grid.
 #[derive(Clone, Debug, Default)]
 struct Light {
+    /// Cells along each side of the grid.
+    cells: usize,
     /// Shares of the lamp and of the sky.
     shares: Vec<[f32; 2]>,
 }
 
 impl Light {
     const CELLS: usize = 144;
+    /// Cells where a penumbra is to be smooth: about one a pixel.
+    const FINE_CELLS: usize = 720;
     /// The grid reaches this many millimetres to each side of the origin.
     const REACH: f32 = 180.0;
-    const PER_MM: f32 = (Self::CELLS - 1) as f32 / (2.0 * Self::REACH);
 
-    /// The places of the grid, just above the table.
-    fn places() -> impl Iterator<Item = Vec3> {
-        (0..Self::CELLS * Self::CELLS).map(|i| {
-            let (column, row) = ((i % Self::CELLS) as f32, (i / Self::CELLS) as f32);
-            Vec3::new(
-                column / Self::PER_MM - Self::REACH,
-                row / Self::PER_MM - Self::REACH,
-                1e-3,
-            )
-        })
+    /// Cells in a millimetre.
+    fn per_mm(cells: usize) -> f32 {
+        (cells - 1) as f32 / (2.0 * Self::REACH)
+    }
+
+    /// A place of a grid, just above the table.
+    fn place(cells: usize, i: usize) -> Vec3 {
+        let (column, row) = ((i % cells) as f32, (i / cells) as f32);
+        let per_mm = Self::per_mm(cells);
+        Vec3::new(
+            column / per_mm - Self::REACH,
+            row / per_mm - Self::REACH,
+            1e-3,
+        )
     }
 
     /// The light where it is known, and around that, two cells far, the mean of what is beside: what lies under a solid
     /// must not darken the table next to it.
-    fn grown(mut shares: Vec<Option<[f32; 2]>>) -> Self {
+    fn grown(cells: usize, mut shares: Vec<Option<[f32; 2]>>) -> Self {
         for _ in 0..2 {
             let known = shares.clone();
             for (i, share) in shares
@@ -112,11 +154,11 @@ impl Light {
                 .enumerate()
                 .filter(|(_, share)| share.is_none())
             {
-                let (column, row) = (i % Self::CELLS, i / Self::CELLS);
-                let rows = row.saturating_sub(1)..(row + 2).min(Self::CELLS);
-                let columns = column.saturating_sub(1)..(column + 2).min(Self::CELLS);
-                let beside = rows
-                    .flat_map(|row| known[row * Self::CELLS..][columns.clone()].iter().flatten());
+                let (column, row) = (i % cells, i / cells);
+                let rows = row.saturating_sub(1)..(row + 2).min(cells);
+                let columns = column.saturating_sub(1)..(column + 2).min(cells);
+                let beside =
+                    rows.flat_map(|row| known[row * cells..][columns.clone()].iter().flatten());
                 let (count, sum) = beside.fold((0.0, [0.0; 2]), |(count, sum), share| {
                     (count + 1.0, [sum[0] + share[0], sum[1] + share[1]])
                 });
@@ -138,28 +180,63 @@ impl Light {
             (0..shares.len()).map(mean).collect()
         };
         Self {
-            shares: softened(&softened(&shares, 1), Self::CELLS),
+            cells,
+            shares: softened(&softened(&shares, 1), cells),
         }
     }
 
     /// The shares at a point of the table; beyond the grid nothing is in the way.
     fn at(&self, point: Vec3) -> [f32; 2] {
+        let per_mm = Self::per_mm(self.cells);
         let (x, y) = (
-            (point.x + Self::REACH) * Self::PER_MM,
-            (point.y + Self::REACH) * Self::PER_MM,
+            (point.x + Self::REACH) * per_mm,
+            (point.y + Self::REACH) * per_mm,
         );
-        let last = (Self::CELLS - 1) as f32;
+        let last = (self.cells - 1) as f32;
         if !(0.0..last).contains(&x) || !(0.0..last).contains(&y) {
             return [1.0; 2];
         }
         let (column, row) = (x as usize, y as usize);
         let (fx, fy) = (x.fract(), y.fract());
-        let cell = |i: usize, j: usize| self.shares[(row + j) * Self::CELLS + column + i];
+        let cell = |i: usize, j: usize| self.shares[(row + j) * self.cells + column + i];
         [0, 1].map(|k| {
             let along = |j| cell(0, j)[k] + (cell(1, j)[k] - cell(0, j)[k]) * fx;
             along(0) + (along(1) - along(0)) * fy
         })
     }
+}
+
+/// The lamp: a disc, as seen from everywhere.
+#[derive(Clone, Debug)]
+struct Lamp {
+    towards: Vec3,
+    /// Half its width, as the sine of an angle.
+    radius: f32,
+    /// Towards points of the disc, spread evenly.
+    directions: Vec<Vec3>,
+    /// Whether solids are lit by the whole disc, and not by its middle alone.
+    is_soft: bool,
+}
+
+impl Lamp {
+    fn new(towards: Vec3, radius: f32, count: u32, is_soft: bool) -> Self {
+        let towards = towards.normalize();
+        Self {
+            towards,
+            radius,
+            directions: directions(count, radius, towards),
+            is_soft,
+        }
+    }
+}
+
+/// What of the lamp's light a surface gets.
+#[derive(Clone, Copy, Debug)]
+struct Direct {
+    /// How much it faces what it sees of the lamp: the cosine, on the average.
+    facing: f32,
+    /// Share of the lamp that is seen from there.
+    share: f32,
 }
 
 /// A part in its place. Rays are cast in the part's own coordinates, along whose axes its facets' boxes are tight.
@@ -181,12 +258,16 @@ pub(crate) struct Scene {
     solids: Vec<Solid>,
     /// Surfaces so far; the first is the table.
     surfaces: u32,
+    lamp: Lamp,
     light: Light,
 }
 
 impl Scene {
-    /// Where the lamp is, a unit away.
+    /// Where the lamp is.
     const LAMP: Vec3 = Vec3::new(-0.52, -0.30, 0.80);
+    /// The sky's share of the light, beside [`FULL`](Self::FULL) of the lamp's.
+    const SKY: f32 = 0.42;
+    const FULL: f32 = 0.86;
 
     pub(crate) fn new(camera: Camera, table: Paint) -> Self {
         Self {
@@ -194,7 +275,16 @@ impl Scene {
             table,
             solids: Vec::new(),
             surfaces: 1,
+            lamp: Lamp::new(Self::LAMP, 0.10, 20, false),
             light: Light::default(),
+        }
+    }
+
+    /// The same scene in the light of a wide lamp: shadows have soft borders, on solids too.
+    pub(crate) fn in_soft_light(self, towards: Vec3, radius: f32) -> Self {
+        Self {
+            lamp: Lamp::new(towards, radius, 64, true),
+            ..self
         }
     }
 
@@ -218,19 +308,58 @@ impl Scene {
 
     /// Closes the scene and works out the shadows on the table.
     pub(crate) fn lit(mut self) -> Self {
-        let lamp = directions(20, 0.10, Self::LAMP.normalize());
-        let sky = directions(16, 0.95, Vec3::Z);
-        let free = |point: Vec3, all: &[Vec3]| {
-            let is_free =
-                |&&direction: &&Vec3| !self.is_hidden(&Ray::new(point, direction), f32::MAX);
-            all.iter().filter(is_free).count() as f32 / all.len() as f32
-        };
-        let shares = Light::places().map(|point| {
+        // Few directions leave rays on the table that its own grain must cover.
+        let count = if self.lamp.is_soft { 96 } else { 16 };
+        let sky = directions(count, 0.95, Vec3::Z);
+        let shares = (0..Light::CELLS * Light::CELLS).map(|i| {
+            let point = Light::place(Light::CELLS, i);
             // Under a solid there is no table to be seen.
-            (!self.is_inside(point)).then(|| [free(point, &lamp), free(point, &sky)])
+            (!self.is_inside(point)).then(|| {
+                [
+                    self.free(point, &self.lamp.directions),
+                    self.free(point, &sky),
+                ]
+            })
         });
-        self.light = Light::grown(shares.collect());
+        let shares: Vec<Option<[f32; 2]>> = shares.collect();
+        self.light = match self.lamp.is_soft {
+            true => self.refined(shares),
+            false => Light::grown(Light::CELLS, shares),
+        };
         self
+    }
+
+    /// The share of these directions from a point in which nothing is in the way.
+    fn free(&self, point: Vec3, all: &[Vec3]) -> f32 {
+        let is_free = |&&direction: &&Vec3| !self.is_hidden(&Ray::new(point, direction), f32::MAX);
+        all.iter().filter(is_free).count() as f32 / all.len() as f32
+    }
+
+    /// The light on a finer grid: the lamp's is looked at again where cells of the coarse one differ.
+    fn refined(&self, coarse: Vec<Option<[f32; 2]>>) -> Light {
+        let (cells, ratio) = (
+            Light::FINE_CELLS,
+            Light::per_mm(Light::CELLS) / Light::per_mm(Light::FINE_CELLS),
+        );
+        let smooth = Light::grown(Light::CELLS, coarse.clone());
+        let share = |i: usize| {
+            let point = Light::place(cells, i);
+            let [column, row] = [i % cells, i / cells].map(|cell| (cell as f32 * ratio) as usize);
+            // A cell more on every side: what is thin may fall between four.
+            let near = (row.saturating_sub(1)..(row + 3).min(Light::CELLS)).flat_map(|row| {
+                let columns = column.saturating_sub(1)..(column + 3).min(Light::CELLS);
+                &coarse[row * Light::CELLS..][columns]
+            });
+            let mut lamps = near.map(|share| share.map(|[lamp, _]| lamp));
+            let first = lamps.next().flatten();
+            let lamp = match first.filter(|_| lamps.all(|lamp| lamp == first)) {
+                Some(lamp) => lamp,
+                None if self.is_inside(point) => return None,
+                None => self.free(point, &self.lamp.directions),
+            };
+            Some([lamp, smooth.at(point)[1]])
+        };
+        Light::grown(cells, (0..cells * cells).map(share).collect())
     }
 
     /// Whether a place lies inside a solid: straight up, its surface is then met from within.
@@ -321,31 +450,67 @@ impl Scene {
         })
     }
 
-    /// The gray level, 0 to 255, of a place of a surface, and whether the lamp reaches it. Nothing here depends on the
-    /// view.
-    fn gray(&self, hit: &Hit) -> (f32, bool) {
-        let lamp = Self::LAMP.normalize();
+    /// What of the lamp's light a place of a solid gets.
+    fn direct(&self, hit: &Hit) -> Direct {
+        let Lamp {
+            towards,
+            radius,
+            directions,
+            is_soft,
+        } = &self.lamp;
+        let start = hit.point + hit.normal * 0.05;
+        let sees = |direction: Vec3| !self.is_hidden(&Ray::new(start, direction), f32::MAX);
+        let facing = hit.normal.dot(*towards);
+        if !is_soft {
+            // What is turned away gets nothing, and is no shadow.
+            let share = if facing > 0.0 && !sees(*towards) {
+                0.0
+            } else {
+                1.0
+            };
+            return Direct {
+                facing: facing.max(0.0),
+                share,
+            };
+        }
+        let (mut sum, mut seen) = (0.0, 0);
+        if facing > -radius {
+            for &direction in directions {
+                let facing = hit.normal.dot(direction);
+                if facing > 0.0 && sees(direction) {
+                    sum += facing;
+                    seen += 1;
+                }
+            }
+        }
+        Direct {
+            facing: sum / seen.max(1) as f32,
+            share: seen as f32 / directions.len() as f32,
+        }
+    }
+
+    /// The gray level, 0 to 255, of a place of a surface, and the share of the lamp that reaches it. Nothing here
+    /// depends on the view.
+    fn gray(&self, hit: &Hit) -> (f32, f32) {
+        let lamp = self.lamp.towards;
         let towards = (self.camera.middle - hit.point).normalize();
-        let detail = FOCAL / hit.depth * hit.normal.dot(towards).max(0.15);
-        let Finish { albedo, sheen } = (hit.paint)(hit.place, detail);
-        let facing = hit.normal.dot(lamp).max(0.0);
-        let [direct, sky] = if hit.surface == 0 {
-            self.light.at(hit.point)
+        let detail = self.camera.focal / hit.depth * hit.normal.dot(towards).max(0.15);
+        let Finish { albedo, sheen, .. } = (hit.paint)(hit.place, detail);
+        let (direct, sky) = if hit.surface == 0 {
+            let [share, sky] = self.light.at(hit.point);
+            let facing = hit.normal.dot(lamp).max(0.0);
+            (Direct { facing, share }, sky)
         } else {
-            let start = hit.point + hit.normal * 0.05;
-            let hidden = facing > 0.0 && self.is_hidden(&Ray::new(start, lamp), f32::MAX);
             // Near the table little sky is left.
             let height = 1.0 - 0.45 * (-hit.point.z / 9.0).exp();
-            [
-                if hidden { 0.0 } else { 1.0 },
-                (0.62 + 0.38 * hit.normal.z) * height,
-            ]
+            (self.direct(hit), (0.62 + 0.38 * hit.normal.z) * height)
         };
         // The sheen is that of an eye at rest in the middle, painted on.
         let half = (lamp + towards).normalize();
-        let gleam = sheen * hit.normal.dot(half).max(0.0).powi(18) * direct;
-        let gray = 255.0 * (albedo * (0.42 * sky + 0.86 * facing * direct) + 0.35 * gleam);
-        (gray, direct > 0.0)
+        let gleam = sheen * hit.normal.dot(half).max(0.0).powi(18) * direct.share;
+        let lit = Self::SKY * sky + Self::FULL * direct.facing * direct.share;
+        let gray = 255.0 * (albedo * lit + 0.35 * gleam);
+        (gray, direct.share)
     }
 
     /// Which parts of a picture a solid may be in.
@@ -373,16 +538,16 @@ impl Scene {
         let cover = self.cover(position);
         let look = |x: f32, y: f32| {
             let hit = self.hit(&self.camera.ray(position, x, y), cover.at(x, y));
-            let (gray, lit) = self.gray(&hit);
+            let (gray, lamp) = self.gray(&hit);
             Look {
                 gray,
                 depth: hit.depth,
                 surface: hit.surface,
-                lit,
+                lamp,
             }
         };
         let centres = in_bands(|x, y| look(x as f32, y as f32));
-        in_bands(|x, y| {
+        let clean = in_bands(|x, y| {
             let own = &centres[y * width + x];
             let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
             let mut rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
@@ -390,24 +555,31 @@ impl Scene {
                 let near = &centres[row * width + left..=row * width + right];
                 near.iter().all(|near| own.is_like(near))
             });
-            let gray = if is_plain {
+            if is_plain {
                 own.gray
             } else {
                 let samples = SAMPLES
                     .iter()
                     .map(|&[dx, dy]| look(x as f32 + dx, y as f32 + dy).gray);
                 samples.sum::<f32>() / SAMPLES.len() as f32
-            };
-            (gray.clamp(0.0, 255.0) * 256.0).round() as u16
-        })
+            }
+        });
+        let taken = match self.camera.blur > 0.0 {
+            true => blurred(&clean, self.camera.blur),
+            false => clean,
+        };
+        let levels = taken
+            .into_iter()
+            .map(|gray| (gray.clamp(0.0, 255.0) * 256.0).round() as u16);
+        levels.collect()
     }
 
     /// The truth of view `view` of these positions: for the points that the middles of its pixels see, the disparity
     /// to the next view, and whether no solid hides them from the others.
     pub(crate) fn truth(&self, positions: &[f32], view: usize) -> Truth {
-        let width = SIZE.width as f32;
+        let (width, height) = (SIZE.width as f32, SIZE.height as f32);
         let cover = self.cover(positions[view]);
-        let base = FOCAL * STEP * (positions[1] - positions[0]);
+        let base = self.camera.focal * self.camera.step * (positions[1] - positions[0]);
         let seen = in_bands(|x, y| {
             let (x, y) = (x as f32, y as f32);
             let ray = self.camera.ray(positions[view], x, y);
@@ -415,7 +587,10 @@ impl Scene {
             let sees = |&position: &f32| {
                 let there = self.camera.project(position, point);
                 let eye = self.camera.eye(position);
-                let is_inside = there.x > -0.5 && there.x < width - 0.5;
+                let is_inside = there.x > -0.5
+                    && there.x < width - 0.5
+                    && there.y > -0.5
+                    && there.y < height - 0.5;
                 // Up to a little before the point itself.
                 let towards = Ray::new(eye, (point - eye) / depth);
                 is_inside && !self.is_hidden(&towards, depth * (1.0 - 3e-4))
@@ -455,6 +630,32 @@ fn in_bands<T: Send>(make: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
     })
 }
 
+/// A picture seen through a lens that blurs: a Gaussian of this deviation in pixels. Beyond its sides it goes on as its
+/// last row and column.
+fn blurred(picture: &[f32], deviation: f32) -> Vec<f32> {
+    let reach = (4.0 * deviation).ceil() as isize;
+    let weights = (-reach..=reach).map(|away| (-0.5 * (away as f32 / deviation).powi(2)).exp());
+    let weights: Vec<f32> = weights.collect();
+    let whole: f32 = weights.iter().sum();
+    let (width, height) = (SIZE.width as usize, SIZE.height as usize);
+    let near = |at: usize, count: usize| {
+        let place = move |away: isize| at.saturating_add_signed(away).min(count - 1);
+        (-reach..=reach).map(place).zip(&weights)
+    };
+    let across = in_bands(|x, y| {
+        let sum: f32 = near(x, width)
+            .map(|(x, weight)| picture[y * width + x] * weight)
+            .sum();
+        sum / whole
+    });
+    in_bands(|x, y| {
+        let sum: f32 = near(y, height)
+            .map(|(y, weight)| across[y * width + x] * weight)
+            .sum();
+        sum / whole
+    })
+}
+
 /// The tiles of a picture that a solid may be in: most of it shows the table, and need not be searched.
 #[derive(Clone, Debug)]
 struct Cover {
@@ -488,16 +689,19 @@ struct Look {
     gray: f32,
     depth: f32,
     surface: u32,
-    lit: bool,
+    /// Share of the lamp that reaches it.
+    lamp: f32,
 }
 
 impl Look {
-    /// Whether no border runs between this place and the next: neither of a surface, nor of a shadow, nor of depth.
+    /// Whether no sharp border runs between this place and the next: neither of a surface, nor of a shadow, nor of depth.
     fn is_like(&self, other: &Self) -> bool {
         const STEP: f32 = 3.0;
+        /// Of the lamp: what is between is a penumbra, which is sampled finely enough as it is.
+        const MUCH: f32 = 0.25;
         self.surface == other.surface
             && (self.surface == 0
-                || self.lit == other.lit && (self.depth - other.depth).abs() < STEP)
+                || (self.lamp - other.lamp).abs() < MUCH && (self.depth - other.depth).abs() < STEP)
     }
 }
 

@@ -12,7 +12,7 @@ const HANDLE: f32 = 88.0;
 const SHAFT: f32 = 118.0;
 
 /// The handle along z, from its end at 0: a swelling body with eight flutes.
-fn handle() -> Part {
+pub(super) fn handle() -> Part {
     let radius = |height: f32| {
         let along = height / HANDLE;
         let end = (1.0 - (1.0 - (along / 0.11).min(1.0)).powi(2))
@@ -39,7 +39,7 @@ fn handle() -> Part {
 }
 
 /// Ferrule, shaft and blade, from the handle's front on.
-fn steel() -> Part {
+pub(super) fn steel() -> Part {
     let blade = 26.0;
     let start = HANDLE + SHAFT - blade;
     let ring = |u: f32, v: f32| {

@@ -9,7 +9,7 @@ use super::render::{Camera, Scene};
 use super::solid::{Hole, Part, rectangle, regular};
 
 /// The sheet is 60 mm wide and 3 mm thick: a foot with a slot, a fold, an upright with a bore and two holes.
-fn sheet() -> Part {
+pub(super) fn sheet() -> Part {
     const WIDTH: f32 = 30.0;
     const THICK: f32 = 3.0;
     let cell = |y: [f32; 2], radii: [f32; 4], hole: Hole| {
