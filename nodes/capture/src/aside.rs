@@ -2,8 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
+use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::image_file;
 use crate::layout::stem;
 use crate::names;
 
@@ -62,13 +64,11 @@ const LEAST: usize = 3;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Aside {
     /// Files that are no images.
-    pub(crate) others: usize,
-    /// Their endings.
-    pub(crate) endings: BTreeSet<String>,
+    others: BTreeSet<PathBuf>,
     /// Images and folders of them whose names say that they are made of others.
-    made: Vec<PathBuf>,
+    made: BTreeSet<PathBuf>,
     /// Images that are there once more, with another ending.
-    twins: Vec<PathBuf>,
+    twins: BTreeSet<PathBuf>,
 }
 
 /// Whether a file or folder is none of the user's.
@@ -78,17 +78,27 @@ pub(crate) fn is_hidden(name: &str) -> bool {
 
 impl Aside {
     /// A file of another type.
-    pub(crate) fn add_other(&mut self, path: &Path) {
-        self.others += 1;
-        if let Some(ending) = path.extension() {
-            self.endings
-                .insert(format!(".{}", ending.to_string_lossy()));
-        }
+    pub(crate) fn add_other(&mut self, path: PathBuf) {
+        self.others.insert(path);
     }
 
+    /// How many files of other types there are.
+    pub(crate) fn others(&self) -> usize {
+        self.others.len()
+    }
+
+    /// What these end with.
+    pub(crate) fn endings(&self) -> Vec<String> {
+        let endings = self.others.iter().filter_map(|path| path.extension());
+        let endings: BTreeSet<String> = endings
+            .map(|ending| format!(".{}", ending.to_string_lossy()))
+            .collect();
+        endings.into_iter().collect()
+    }
+
+    /// What is left out of another folder too.
     pub(crate) fn add(&mut self, other: Self) {
-        self.others += other.others;
-        self.endings.extend(other.endings);
+        self.others.extend(other.others);
         self.made.extend(other.made);
         self.twins.extend(other.twins);
     }
@@ -135,14 +145,14 @@ impl Aside {
     pub(crate) fn take_folders(&mut self, folders: &mut Vec<PathBuf>, has_images: bool) {
         let is_made = |folder: &PathBuf| is_made(&crate::folder::name(folder));
         if has_images || !folders.iter().all(is_made) {
-            self.made
-                .extend(folders.extract_if(.., |folder| is_made(folder)));
+            let made = folders.extract_if(.., |folder| is_made(folder));
+            self.made.extend(made.filter(|folder| holds_images(folder)));
         }
     }
 
     /// What is to be said of what was left out of this folder.
     pub(crate) fn sentences(&self, root: &Path) -> Vec<String> {
-        let some = |paths: &[PathBuf]| {
+        let some = |paths: &BTreeSet<PathBuf>| {
             let named: Vec<String> = paths
                 .iter()
                 .take(3)
@@ -173,6 +183,16 @@ impl Aside {
         }
         said
     }
+}
+
+/// Whether a folder holds images, or a folder in it does.
+fn holds_images(folder: &Path) -> bool {
+    let inside = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_image = |entry: fs::DirEntry| image_file::is_image(&entry.path());
+    inside(folder).any(|entry| {
+        let path = entry.path();
+        image_file::is_image(&path) || (path.is_dir() && inside(&path).any(is_image))
+    })
 }
 
 /// Whether a name says that its image was made of others.

@@ -103,7 +103,7 @@ pub(crate) fn of(
     }
     if infos.len() > 1 && infos.len() != views {
         return Err(format!(
-            "it describes {} cameras, and there are {views} views: give the camera_info of the camera next to the first, or one a view, left to right, and of cameras in one file only those",
+            "it describes {} cameras, and there are {views} views: give the camera_info of the camera next to the first, or one a view, left to right; of a file of more cameras leave in it only those",
             infos.len()
         ));
     }

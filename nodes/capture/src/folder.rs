@@ -178,7 +178,7 @@ impl Listing {
                 () if is_hidden => {}
                 () if path.is_dir() => listing.folders.push(path),
                 () if image_file::is_image(&path) => listing.images.push(path),
-                () => listing.aside.add_other(&path),
+                () => listing.aside.add_other(path),
             }
         }
         listing.images.sort();
@@ -262,8 +262,8 @@ pub(crate) fn open(
     let Some(first) = albums.first_mut() else {
         return Err(SourceError::Empty {
             path: folder.to_owned(),
-            others: table.aside.others,
-            endings: table.aside.endings.into_iter().collect(),
+            others: table.aside.others(),
+            endings: table.aside.endings(),
         });
     };
     let several = |shot: &&Shot| image_file::holds_more(&shot.path);
@@ -275,7 +275,7 @@ pub(crate) fn open(
     }
     first.others = table
         .aside
-        .others
+        .others()
         .saturating_sub(usize::from(first.is_described));
     let expected = first.shots.len();
     if let Some(album) = albums.iter().find(|album| album.shots.len() != expected) {
@@ -459,7 +459,7 @@ fn album(
     mode: Mode,
 ) -> Result<Option<Album>, SourceError> {
     let described = Description::read(folder)?;
-    let others = listing.aside.others - usize::from(described.is_some());
+    let others = listing.aside.others() - usize::from(described.is_some());
     let is_described = described.is_some();
     let (files, positions, triple, truths) = match described {
         Some(own) => (

@@ -592,6 +592,17 @@ fn dates_in_names_are_times_that_are_put_together_by_the_nearest() {
             "right_1623412341205.png"
         ]
     );
+    // Two cameras may share their stamps, and a third have others.
+    let names = grid(
+        &["000", "033", "066"],
+        &["Infrared 1", "Infrared 2", "Color"],
+        |time, camera| {
+            let late = if camera == "Color" { "4.5" } else { "0.25" };
+            format!("out_{camera}_1556123456{}{late}.png", &time[..2])
+        },
+    );
+    let source = Folder::with(&names).open();
+    assert_eq!((source.layout(), source.scans()), (Some(Layout::Flat), 3));
     let names = grid(
         &["1", "2", "3"],
         &["22543210", "22543211", "22543215"],

@@ -82,7 +82,8 @@ fn of_cameras(folder: &Path, names: &[String], inner: &Inner) -> Table {
         Table::of(folder, Layout::Cameras, named)
     };
     let mut by_stem = table(&stems);
-    if shared(&stems) >= MOSTLY || by_stem.put_together_by_stamp() {
+    let is_by_stem = by_stem.has_whole() && shared(&stems) >= MOSTLY;
+    if is_by_stem || by_stem.put_together_by_stamp() {
         return by_stem;
     }
     // Cameras may put words of their own around what they share.

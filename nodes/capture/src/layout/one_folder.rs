@@ -57,8 +57,7 @@ pub(super) fn read(
         let each = parts.into_iter().zip(images);
         let named = each.map(|((camera, time), image)| (camera, time, image.into()));
         let mut table = Table::of(folder, Layout::Flat, named.collect());
-        let is_shared = |time: &Time| time.images.iter().flatten().count() > 1;
-        if !table.times.iter().any(is_shared) {
+        if !table.has_whole() {
             table.put_together_by_stamp();
         }
         return Ok(table);

@@ -47,8 +47,8 @@ impl Table {
         if here + below == 0 {
             return Err(SourceError::Empty {
                 path: path.to_owned(),
-                others: aside.others,
-                endings: aside.endings.into_iter().collect(),
+                others: aside.others(),
+                endings: aside.endings(),
             });
         }
         let is_here = match said {

@@ -3,6 +3,12 @@
 use super::{Piece, Table, Time, Together, stamp, stem};
 
 impl Table {
+    /// Whether all cameras took an image at any time.
+    pub(super) fn has_whole(&self) -> bool {
+        let is_whole = |time: &Time| time.images.iter().all(Option::is_some);
+        self.times.iter().any(is_whole)
+    }
+
     /// Puts images together that are called after the time they were taken at, where they are; whether they are.
     pub(super) fn put_together_by_stamp(&mut self) -> bool {
         let Some(times) = by_stamp(&self.by_camera()) else {
