@@ -535,6 +535,9 @@ pub(crate) struct Export {
     /// Pictures of every view and channel: zero-crossings, orientation, curves, disparity
     #[arg(long, value_name = "FOLDER")]
     pub(crate) png: Option<PathBuf>,
+    /// The thesis's figures of each object, B.1 to B.39 where there are three, and a contact sheet of them
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) thesis: Option<PathBuf>,
 }
 
 /// The rivals of the method.
@@ -619,8 +622,16 @@ pub(crate) struct Report {
     /// The recording; its further parts are found by their names
     pub(crate) file: PathBuf,
     /// The page to write
-    #[arg(short, long, value_name = "FILE.html")]
-    pub(crate) output: PathBuf,
+    #[arg(
+        short,
+        long,
+        value_name = "FILE.html",
+        required_unless_present = "thesis"
+    )]
+    pub(crate) output: Option<PathBuf>,
+    /// A page of the thesis's figures of each object, B.1 to B.39 where there are three
+    #[arg(long, value_name = "FILE.html")]
+    pub(crate) thesis: Option<PathBuf>,
     /// The figures of the scans from A on, before B; without it, of the first of each scene, at most four
     #[arg(long, value_name = "A..B")]
     pub(crate) scans: Option<Scans>,

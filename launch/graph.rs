@@ -125,8 +125,15 @@ impl Graph {
                 nodes.push((node, value));
             }
         }
-        let graph = Self { settings, nodes };
+        let mut graph = Self { settings, nodes };
         graph.check_pipe()?;
+        if graph.has("hough") && graph.has("match") {
+            let read = reads_tables(graph.settings_of("match"))?;
+            if graph.settings_of("hough")["tables"].is_null() {
+                graph.fill_in("hough", "tables", read);
+            }
+            check_tables(graph.settings_of("hough"), graph.settings_of("match"))?;
+        }
         Ok(graph)
     }
 
@@ -512,6 +519,24 @@ impl Overrides {
     }
 }
 
+/// Whether a matcher with these settings reads R-tables.
+pub(crate) fn reads_tables(matcher: &Value) -> Result<bool, String> {
+    let settings: matching::Settings =
+        serde_json::from_value(matcher.clone()).map_err(|e| format!("[match] {e}"))?;
+    Ok(settings.reads_tables())
+}
+
+/// Whether the matcher gets the R-tables that it reads.
+pub(crate) fn check_tables(hough: &Value, matcher: &Value) -> Result<(), String> {
+    match reads_tables(matcher)? && hough["tables"] == false {
+        true => Err(
+            "match.assignment = curve reads R-tables, and hough.tables = false makes none: set hough.tables = true too"
+                .to_owned(),
+        ),
+        false => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     #![expect(clippy::unwrap_used, clippy::unwrap_in_result, reason = "tests")]
@@ -527,6 +552,21 @@ mod tests {
         let graph = load(BUILT_IN, &[]).unwrap();
         let again = load(&graph.to_toml(), &[]).unwrap();
         assert_eq!(again.configuration(), graph.configuration());
+    }
+
+    #[test]
+    fn r_tables_are_made_where_the_matcher_reads_them() {
+        let made = |set: &[&str]| {
+            let graph = load(BUILT_IN, set)?;
+            Ok::<_, String>(graph.settings_of("hough")["tables"].clone())
+        };
+        assert_eq!(made(&[]), Ok(false.into()));
+        assert_eq!(made(&["match.assignment=curve"]), Ok(true.into()));
+        assert_eq!(made(&["hough.tables=true"]), Ok(true.into()));
+        let point = ["match.assignment=curve", "match.method=point"];
+        assert_eq!(made(&point), Ok(false.into()));
+        let error = made(&["match.assignment=curve", "hough.tables=false"]).unwrap_err();
+        assert!(error.ends_with("set hough.tables = true too"), "{error}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use messages::change::Change;
 use messages::settings::nearest;
 use serde_json::{Number, Value};
 
-use crate::graph::{GRAPH, checked, known_key};
+use crate::graph::{GRAPH, check_tables, checked, known_key};
 use crate::registry::{self, NODES, NodeType};
 
 /// How a value is written that the node finds by itself.
@@ -97,6 +97,9 @@ impl Parameters {
                 was,
             });
         }
+        if let (Some(hough), Some(matcher)) = (tables.get("hough"), tables.get("match")) {
+            check_tables(hough, matcher)?;
+        }
         Ok(changes)
     }
 
@@ -170,6 +173,19 @@ mod tests {
         assert!(error.contains("match.score"), "{error}");
         let error = set("match.scor", json!(0.5)).unwrap_err();
         assert!(error.contains("match.score"), "{error}");
+    }
+
+    #[test]
+    fn a_matcher_that_reads_r_tables_is_not_set_without_them() {
+        let curve = json!("curve");
+        let error = set("match.assignment", curve.clone()).unwrap_err();
+        assert!(error.ends_with("set hough.tables = true too"), "{error}");
+        let both = [("match.assignment", curve), ("hough.tables", json!(true))];
+        let both = both.map(|(name, value)| (name.to_owned(), value));
+        assert_eq!(
+            parameters().changes(&BTreeMap::from(both)).unwrap().len(),
+            2
+        );
     }
 
     #[test]

@@ -63,12 +63,25 @@ fn what_is_set_of_a_node_that_has_no_part_in_the_replay_is_refused_with_the_way(
             ["--from", "match", "--set", "record.views=false"],
             "record.views is set, but nothing is recorded: replay --record FILE",
         ),
+        (
+            ["--from", "match", "--set", "match.assignment=curve"],
+            "match.assignment = curve reads R-tables, and none were recorded: replay --from hough makes them",
+        ),
     ] {
         let ran = world.run(&[&["replay", "x.mcap"][..], &arguments].concat());
         assert_eq!(ran.code, Some(2), "{ran:?}");
         assert!(ran.err.contains(told), "{ran:?}");
         assert_eq!(ran.err.lines().count(), 1, "{ran:?}");
     }
+}
+
+#[test]
+fn a_replay_whose_matcher_reads_r_tables_makes_them() {
+    let world = World::recorded("2");
+    let set = ["--set", "match.assignment=curve", "--json"];
+    let ran = world.run(&[&["replay", "x.mcap", "--from", "hough"][..], &set].concat());
+    let report = ran.done().json();
+    assert_eq!(report["changed"]["hough.tables"][1], true, "{report}");
 }
 
 #[test]

@@ -15,6 +15,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         ply: args.ply.clone(),
         map: args.map.clone(),
         png: args.png.clone(),
+        thesis: args.thesis.clone(),
     };
     if (Export {
         scan: wanted.scan,
@@ -22,7 +23,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }) == wanted
     {
         return Err(Failure::usage(
-            "nothing to export: say what with --csv, --pfm, --ply, --map or --png",
+            "nothing to export: say what with --csv, --pfm, --ply, --map, --png or --thesis",
         ));
     }
     let mut recording = Recording::open(&args.file).map_err(Failure::failed)?;

@@ -19,7 +19,7 @@ use serde_json::{Map, Value, json};
 use self::verified::{Expected, Verified};
 use super::run::{recording, table};
 use crate::cli::{Profile, Replay as Args};
-use crate::graph::{Graph, Overrides};
+use crate::graph::{Graph, Overrides, reads_tables};
 use crate::launcher::{Launch, launch};
 use crate::progress::Timeline;
 use crate::said::Early;
@@ -302,6 +302,13 @@ fn graph(
     if let Some(Value::Object(map)) = tables.get_mut(Stage::Map.name()) {
         map.entry("apart").or_insert(json!(0.0));
     }
+    // Recordings of before R-tables were made only where they are read hold them all; where they hold none, settings of
+    // today decide again.
+    if let Some(Value::Object(hough)) = tables.get_mut(Stage::Hough.name()) {
+        if hough.entry("tables").or_insert(json!(true)) == &json!(false) {
+            hough.remove("tables");
+        }
+    }
     // What a live run may drop a replay may not.
     if let Some(Value::Object(graph)) = tables.get_mut("graph") {
         graph.insert("delivery".to_owned(), json!("lossless"));
@@ -344,8 +351,20 @@ fn graph(
             return Err(Failure::usage(format!("{node}.{key} is set, but {why}")));
         }
     }
-    Graph::of_tables(tables, Profile::Default, &overrides)
-        .map_err(|text| Failure::usage(format!("the recording's graph: {text}")))
+    let graph = Graph::of_tables(tables, Profile::Default, &overrides)
+        .map_err(|text| Failure::usage(format!("the recording's graph: {text}")))?;
+    let made = |hough: &Value| hough.get("tables") != Some(&json!(false));
+    let matching = graph.settings_of(Stage::Match.name());
+    if graph.has(Stage::Match.name())
+        && !graph.has(Stage::Hough.name())
+        && !recorded.get(Stage::Hough.name()).is_none_or(made)
+        && reads_tables(matching).map_err(Failure::usage)?
+    {
+        return Err(Failure::usage(
+            "match.assignment = curve reads R-tables, and none were recorded: replay --from hough makes them",
+        ));
+    }
+    Ok(graph)
 }
 
 /// Why a node that there is has no part in a replay; `None` of one that nobody knows.

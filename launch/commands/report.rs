@@ -6,7 +6,7 @@ use evaluate::Evaluator;
 use matching::Method;
 use messages::Score;
 use messages::settings::{Key, Settings as _};
-use record::{ExportError, Known, Mismatches, Page, Recording, ReportError, report};
+use record::{ExportError, Known, Mismatches, Page, Recording, ReportError, report, thesis};
 use serde_json::{Map, Value};
 
 use crate::cli::{Profile, Report as Args};
@@ -20,6 +20,19 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     for note in recording.notes().iter().chain(recording.remarks()) {
         crate::say!("tricurve: {note}");
     }
+    let refused = |error| match error {
+        ReportError::Exists(_) | ReportError::Write(ExportError::OntoItself(_)) => {
+            Failure::usage(error)
+        }
+        error => Failure::failed(error),
+    };
+    if let Some(path) = &args.thesis {
+        thesis(&mut recording, path, args.force, &mut mismatches).map_err(refused)?;
+        said(path)?;
+    }
+    let Some(output) = &args.output else {
+        return Ok(Outcome::Done);
+    };
     let page = Page {
         scans: args
             .scans
@@ -27,22 +40,22 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         overwrite: args.force,
         known: known()?,
     };
-    let reported = report(&mut recording, &page, &args.output, &mut mismatches);
-    let reported = reported.map_err(|error| match error {
-        ReportError::Exists(_) | ReportError::Write(ExportError::OntoItself(_)) => {
-            Failure::usage(error)
-        }
-        error => Failure::failed(error),
-    })?;
-    if args.output != Path::new("-") {
-        super::print(&format!("{}\n", args.output.display()))?;
-    }
+    let reported = report(&mut recording, &page, output, &mut mismatches).map_err(refused)?;
+    said(output)?;
     match reported.unreadable_bytes {
         0 => Ok(Outcome::Done),
         bytes => {
             crate::say!("tricurve: {bytes} bytes of the scans shown are damaged");
             Ok(Outcome::Lost)
         }
+    }
+}
+
+/// Says which page was written, unless it went to standard output.
+fn said(path: &Path) -> Result<(), Failure> {
+    match path == Path::new("-") {
+        true => Ok(()),
+        false => super::print(&format!("{}\n", path.display())),
     }
 }
 

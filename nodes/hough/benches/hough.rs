@@ -22,6 +22,7 @@ fn hough(criterion: &mut Criterion) {
             &Settings {
                 weight,
                 constant: 1.0,
+                ..Settings::default()
             },
             size,
         );

@@ -65,6 +65,9 @@ impl Tabulator {
         room.rows.clear();
         room.order.clear();
         let mut skipped = self.index_rows(curves.points, size, room);
+        if self.settings.tables == Some(false) {
+            return Tabulated { skipped };
+        }
         self.weigh(curves, size);
         for curve in curves.curves {
             let mut table = Table {

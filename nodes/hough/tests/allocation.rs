@@ -50,6 +50,7 @@ fn no_frame_allocates_not_even_the_first_or_the_largest() {
             &Settings {
                 weight,
                 constant: 1.0,
+                ..Settings::default()
             },
             size,
         );

@@ -66,6 +66,20 @@ fn tables_are_those_of_a_slow_twin() {
 }
 
 #[test]
+fn without_r_tables_the_index_of_rows_is_the_same() {
+    let curves = scene();
+    let settings = Settings {
+        tables: Some(false),
+        ..Settings::default()
+    };
+    let (bare, _) = tabulate(&settings, curves.view(), SIZE);
+    let with = by_default(&curves);
+    assert_eq!(bare.view().rows, with.view().rows);
+    assert_eq!(bare.view().order, with.view().order);
+    assert!(bare.view().tables.is_empty() && bare.view().entries.is_empty());
+}
+
+#[test]
 fn the_index_of_rows_is_that_of_a_slow_twin() {
     let curves = scene();
     let tables = by_default(&curves);
@@ -153,6 +167,7 @@ fn weights_are_what_each_setting_says_and_one_on_average() {
             &Settings {
                 weight,
                 constant: 2.5,
+                ..Settings::default()
             },
             from,
             SIZE,
@@ -198,6 +213,7 @@ fn a_straight_curve_of_equal_points_keeps_a_table_under_every_weight() {
             &Settings {
                 weight,
                 constant: 1.0,
+                ..Settings::default()
             },
             curves.view(),
             SIZE,
@@ -240,6 +256,7 @@ fn damaged_points_and_curves_are_passed_over_and_counted() {
             &Settings {
                 weight,
                 constant: 1.0,
+                ..Settings::default()
             },
             damaged,
             SIZE,
@@ -305,7 +322,7 @@ fn the_same_curves_give_the_same_tables_whatever_came_before() {
     for weight in [Weight::Unity, Weight::Curvature] {
         let settings = Settings {
             weight,
-            constant: 1.0,
+            ..Settings::default()
         };
         let mut tabulator = Tabulator::new(&settings, SIZE);
         let mut again = |curves: &Owned<Curves>| {

@@ -1,15 +1,22 @@
 //! Whole curves are matched in a closed loop, weighed against their neighbours, and their points paired row by row:
 //! the thesis's way.
 
-use messages::{Reason, Size};
+use messages::{Edge, Reason, Size, Sway};
 
-use crate::closed_loop::Closing;
+use crate::closed_loop::{Closing, Views};
+use crate::course::{Band, Lanes};
 use crate::differences::{self, Pairing};
+use crate::misaligned::FINEST;
 use crate::relation::{self, Node, Relation};
-use crate::settings::Filling;
 use crate::triple::Steps;
-use crate::vote::Ballot;
+use crate::vote::{Ballot, beside};
 use crate::{ChannelView, Matcher, Range};
+
+/// Rows by which a finer channel may correct how far pictures are out of line.
+const FINER: f32 = 0.25;
+
+/// Every how many points along a curve the coarser channel is asked.
+const ASKED: usize = 4;
 
 impl Matcher {
     /// Finds the choices of all points of the reference view's matched curves.
@@ -22,46 +29,60 @@ impl Matcher {
         width: f32,
         has_coarser: bool,
     ) {
-        let s = &self.settings;
+        let s = self.settings.clone();
         let reference = views[steps.reference].curves;
-        let turn = s.orientation_tolerance.to_radians();
         let ballot = Ballot {
-            turn,
+            turn: s.orientation_tolerance.to_radians(),
+            flat: s.flat.to_radians(),
             rows: s.vote_rows,
-            cell: s.vote_cell,
+            lanes: Lanes {
+                width: s.vote_cell,
+                slope: s.slant_most,
+            },
         };
-        let width = s.window_widths * width;
         let closing = Closing {
-            width,
-            rows: s.window_rows,
             score: s.score,
             residual: s.loop_residual,
             tries: s.candidates,
         };
-        self.closed_loop.fill(views);
+        let reach = s.window_widths * width / 2.0;
+        let mut bands = std::mem::take(&mut self.bands);
+        bands.clear();
+        bands.extend(reference.curves.iter().map(|curve| {
+            let points = &reference.points[curve.range()];
+            let predicted = match has_coarser {
+                true => self.predicted(points),
+                false => s.initial_disparity,
+            };
+            Band::level(predicted.map_or(range, |disparity| beside(disparity, reach, range)))
+        }));
+        for view in (0..3).filter(|&view| steps.uses(view)) {
+            self.place_rows(views, view);
+        }
+        // What sways along a rail has been put right, frame by frame.
+        let most = if has_coarser { FINER } else { s.window_rows };
+        if most.min(s.window_rows) >= FINEST && self.is_steady {
+            let most = most.min(s.window_rows / 2.0);
+            self.align_rows(views, size, steps, &bands, &ballot, most);
+        }
         self.nodes.clear();
         for (label, curve) in (0..).zip(reference.curves) {
-            let predicted = if has_coarser {
-                self.coarser.average(curve.x, curve.y)
-            } else {
-                None
+            let all = Views {
+                views,
+                rows: &self.rows,
+                lower: self.lower,
             };
-            let expected = predicted
-                .or(s.initial_disparity)
-                .map_or(range, |disparity| Range {
-                    least: (disparity - width / 2.0).max(range.least),
-                    most: (disparity + width / 2.0).min(range.most),
-                });
-            let closed = self
+            let band = &bands[label as usize];
+            match self
                 .closed_loop
-                .close(views, &self.rows, label, steps, expected, &ballot, &closing);
-            match closed {
+                .close(all, label, steps, band, &ballot, &closing)
+            {
                 Ok(closed) => {
                     self.closed[label as usize] = Some(closed);
                     self.nodes.push(Node {
                         x: curve.x,
                         y: curve.y,
-                        disparity: closed.disparity,
+                        disparity: closed.course.at(curve.y, curve.x),
                         certainty: closed.score,
                         support: 1.0,
                     });
@@ -69,6 +90,7 @@ impl Matcher {
                 Err(reason) => self.lost[curve.range()].fill(reason),
             }
         }
+        self.bands = bands;
         let relation = Relation {
             radius: s.relation_radius,
             within: s.support_within,
@@ -79,10 +101,10 @@ impl Matcher {
         relation::relax(&mut self.nodes, &relation, &mut self.nodes_before);
 
         let pairing = Pairing {
-            turn,
-            spread: s.loop_residual,
+            turn: ballot.turn,
+            spread: s.vote_cell,
             miss: s.miss,
-            flat: s.flat.to_radians(),
+            flat: ballot.flat,
         };
         let closed = self.closed.iter_mut().zip(reference.curves);
         let matched = closed.filter(|(closed, _)| closed.is_some());
@@ -92,10 +114,9 @@ impl Matcher {
                 self.lost[curve.range()].fill(Reason::Neighbours);
                 continue;
             };
-            let range = reference.curves[found.curves[steps.reference] as usize].range();
-            let choices = &mut self.choices[range.clone()];
+            let choices = &mut self.choices[curve.range()];
             differences::row_by_row(
-                &reference.points[range],
+                &reference.points[curve.range()],
                 &found,
                 &self.rows,
                 steps,
@@ -105,8 +126,9 @@ impl Matcher {
             for choice in choices.iter_mut() {
                 choice.support = node.support;
             }
-            let centroid = (s.filling == Filling::Centroid).then_some(found.disparity);
-            differences::fill_whole(choices, centroid, found.disparity);
+            let points = &reference.points[curve.range()];
+            let centroid = found.course.at(curve.y, curve.x);
+            differences::fill_whole(points, choices, s.filling, &found.course, centroid);
         }
 
         self.around
@@ -127,5 +149,25 @@ impl Matcher {
                 choice.witnesses = share * weight;
             }
         }
+    }
+    /// The average disparity that the coarser channel knows about a curve's points.
+    fn predicted(&self, points: &[Edge]) -> Option<f32> {
+        let asked = points.iter().step_by(ASKED);
+        let known = asked.filter_map(|edge| self.coarser.average(edge.x, edge.y));
+        let (sum, count) = known.fold((0.0, 0.0), |(sum, count), known| (sum + known, count + 1.0));
+        (count > 0.0).then(|| sum / count)
+    }
+
+    /// Takes in the points of a view by the rows of the reference view.
+    pub(crate) fn fill_rows(&mut self, views: &[ChannelView<'_>; 3], size: Size, view: usize) {
+        let gain = self.contrast.gain(view);
+        self.rows[view].fill(&views[view], size, self.lower[view], &Sway::NONE, gain);
+        self.place_rows(views, view);
+    }
+
+    /// Notes where the points of a view lie.
+    fn place_rows(&mut self, views: &[ChannelView<'_>; 3], view: usize) {
+        let points = views[view].curves.points.len();
+        self.closed_loop.fill(view, points, &self.rows[view]);
     }
 }

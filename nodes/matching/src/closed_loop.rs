@@ -1,24 +1,20 @@
 //! The closed loop: from the reference view to its neighbour, on to the third view, and back to where it began.
 //!
-//! Every step lets the R-table of the curve just found vote for the curves in a window of the next view. A loop that
-//! does not close goes back and tries the next candidate; only a closed one is a match. Where two views must do, the
-//! loop goes to the neighbour and straight back.
+//! Every step lets the R-table of the curve just found vote for the curves of the next view. A loop that does not close
+//! goes back and tries the next candidate; only a closed one is a match. Where two views must do, the loop goes to the
+//! neighbour and straight back.
 
-use messages::{Curve, NONE, Reason};
+use messages::{NONE, Reason};
 
+use crate::ChannelView;
+use crate::course::{Band, Course};
 use crate::rows::Rows;
 use crate::triple::Steps;
-use crate::vote::{Ballot, Peak, Votes};
-use crate::windows::{Window, Windows};
-use crate::{ChannelView, Range};
+use crate::vote::{Ballot, Lowered, Peak, Side, Votes};
 
 /// When a loop is closed.
 #[derive(Clone, Debug)]
 pub(crate) struct Closing {
-    /// Columns of a window.
-    pub(crate) width: f32,
-    /// Rows of a window.
-    pub(crate) rows: f32,
     /// Score a step needs.
     pub(crate) score: f32,
     /// Pixels by which the loop may miss its start, and by which its steps may differ.
@@ -32,8 +28,8 @@ pub(crate) struct Closing {
 pub(crate) struct Closed {
     /// Their labels, left to right; [`NONE`] for a view that has no say.
     pub(crate) curves: [u32; 3],
-    /// Disparity between neighbouring views.
-    pub(crate) disparity: f32,
+    /// Disparity between neighbouring views, as the longest step saw it.
+    pub(crate) course: Course,
     /// The least score of its steps.
     pub(crate) score: f32,
     /// How far the loop misses its start, in pixels.
@@ -43,123 +39,137 @@ pub(crate) struct Closed {
 /// The search, with its memory.
 #[derive(Debug, Default)]
 pub(crate) struct ClosedLoop {
-    windows: [Windows; 3],
     votes: Votes,
-    labels: Vec<u32>,
     peaks: [Vec<Peak>; 3],
+    /// Per view and point its row and column in the reference view's rows.
+    places: [Vec<(f32, f32)>; 3],
+}
+
+/// The three views as a search sees them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Views<'a> {
+    pub(crate) views: &'a [ChannelView<'a>; 3],
+    pub(crate) rows: &'a [Rows; 3],
+    /// Rows by which each picture lies lower than the reference view's.
+    pub(crate) lower: [f32; 3],
 }
 
 impl ClosedLoop {
-    /// Takes in the curves of the three views.
-    pub(crate) fn fill(&mut self, views: &[ChannelView<'_>; 3]) {
-        for (windows, view) in self.windows.iter_mut().zip(views) {
-            windows.fill(view.curves.curves);
+    /// Takes in one view's points by row.
+    pub(crate) fn fill(&mut self, view: usize, points: usize, rows: &Rows) {
+        let places = &mut self.places[view];
+        places.clear();
+        places.resize(points, (-1.0, 0.0));
+        for row in 0..rows.count() {
+            for spot in &rows.spots[rows.row(row)] {
+                places[spot.point as usize] = (row as f32, spot.x);
+            }
         }
     }
 
+    /// How well the votes of a curve of the reference view agree with one course in the view `to`, and what they say about
+    /// that view's rows.
+    pub(crate) fn agreement(
+        &mut self,
+        views: Views<'_>,
+        (reference, label): (usize, u32),
+        (to, steps): (usize, f32),
+        band: &Band,
+        ballot: &Ballot,
+    ) -> Lowered {
+        let sides = sides(&self.places, views);
+        self.votes
+            .agreement(label, &sides[reference], &sides[to], steps, band, ballot)
+    }
+
     /// Looks for the partners of a curve of the reference view; gives how far the search came when there are none.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "what is searched, where, how, and when it is found"
-    )]
     pub(crate) fn close(
         &mut self,
-        views: &[ChannelView<'_>; 3],
-        rows: &[Rows; 3],
+        views: Views<'_>,
         label: u32,
         steps: Steps,
-        range: Range,
+        expected: &Band,
         ballot: &Ballot,
         closing: &Closing,
     ) -> Result<Closed, Reason> {
-        let around = |disparity: f32| Range {
-            least: disparity - closing.residual,
-            most: disparity + closing.residual,
+        let Self {
+            votes,
+            peaks: [nears, fars, backs],
+            places,
+        } = self;
+        let sides = sides(places, views);
+        let curve = &views.views[steps.reference].curves.curves[label as usize];
+        let here = |course: Course| course.at(curve.y, curve.x);
+        let mut step = |(from, label), to, steps, band: &Band, peaks: &mut Vec<Peak>| {
+            votes.count(
+                label,
+                &sides[from],
+                &sides[to],
+                steps,
+                band,
+                ballot,
+                closing.score,
+                peaks,
+            );
+            let is_voted_for = !peaks.is_empty();
+            peaks.retain(|peak: &Peak| peak.score >= closing.score);
+            peaks.truncate(closing.tries);
+            is_voted_for
         };
+        let around = |course| Band::around(course, closing.residual);
         let between = steps.to_far - steps.to_near;
-        let is_voted_for = self.step(
-            views,
-            rows,
-            (steps.reference, label),
-            steps.near,
-            steps.to_near,
-            range,
-            0,
-            ballot,
-            closing,
-        );
+        let start = (steps.reference, label);
+        let is_voted_for = step(start, steps.near, steps.to_near, expected, nears);
         let mut reason = match is_voted_for {
             true => Reason::Votes,
             false => Reason::NoPartner,
         };
-        for first in 0..self.peaks[0].len() {
-            let near = self.peaks[0][first];
+        for near in nears {
             let from = (steps.near, near.curve);
             if !steps.third {
                 reason = Reason::Loop;
-                let expected = around(near.disparity);
-                let back = self.back(
-                    views,
-                    rows,
-                    from,
-                    (steps.reference, label),
-                    -steps.to_near,
-                    expected,
-                    ballot,
-                    closing,
-                );
-                let Some(back) = back else {
+                let to = steps.reference;
+                let course = near.course.seen_from(steps.to_near);
+                step(from, to, -steps.to_near, &around(course), backs);
+                let own = |back: &&Peak| back.curve == label;
+                let Some(back) = backs.iter().find(own) else {
                     continue;
                 };
-                let residual = (near.disparity - back.disparity).abs();
+                let course = back.course.seen_from(-steps.to_near);
+                let residual = (here(near.course) - here(course)).abs();
                 if residual <= closing.residual {
                     return Ok(Closed {
                         curves: steps.in_order(label, near.curve, NONE),
-                        disparity: back.disparity,
+                        course,
                         score: near.score.min(back.score),
                         residual,
                     });
                 }
                 continue;
             }
-            self.step(
-                views,
-                rows,
-                from,
-                steps.far,
-                between,
-                around(near.disparity),
-                1,
-                ballot,
-                closing,
-            );
+            let course = near.course.seen_from(steps.to_near);
+            step(from, steps.far, between, &around(course), fars);
             if reason != Reason::Loop {
                 reason = Reason::ThirdView;
             }
-            for second in 0..self.peaks[1].len() {
+            for far in fars.iter() {
                 reason = Reason::Loop;
-                let far = self.peaks[1][second];
                 let from = (steps.far, far.curve);
-                let expected = around((near.disparity + far.disparity) / 2.0);
-                let back = self.back(
-                    views,
-                    rows,
-                    from,
-                    (steps.reference, label),
-                    -steps.to_far,
-                    expected,
-                    ballot,
-                    closing,
-                );
-                let Some(back) = back else {
+                let to = steps.reference;
+                let course = far.course.seen_from(between);
+                step(from, to, -steps.to_far, &around(course), backs);
+                let own = |back: &&Peak| back.curve == label;
+                let Some(back) = backs.iter().find(own) else {
                     continue;
                 };
-                let way = steps.to_near * near.disparity + between * far.disparity;
-                let residual = (way - steps.to_far * back.disparity).abs();
+                let course = back.course.seen_from(-steps.to_far);
+                let second = here(far.course.seen_from(-steps.to_near));
+                let way = steps.to_near * here(near.course) + between * second;
+                let residual = (way - steps.to_far * here(course)).abs();
                 if residual <= closing.residual {
                     return Ok(Closed {
                         curves: steps.in_order(label, near.curve, far.curve),
-                        disparity: back.disparity,
+                        course,
                         score: near.score.min(far.score).min(back.score),
                         residual,
                     });
@@ -168,73 +178,14 @@ impl ClosedLoop {
         }
         Err(reason)
     }
+}
 
-    /// The last step of the loop: where the curve it began with is found again, if it is the best.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "from where to where, how far, and how"
-    )]
-    fn back(
-        &mut self,
-        views: &[ChannelView<'_>; 3],
-        rows: &[Rows; 3],
-        from: (usize, u32),
-        (to, label): (usize, u32),
-        steps: f32,
-        range: Range,
-        ballot: &Ballot,
-        closing: &Closing,
-    ) -> Option<Peak> {
-        self.step(views, rows, from, to, steps, range, 2, ballot, closing);
-        let best = self.peaks[2].first().copied();
-        best.filter(|back| back.curve == label)
-    }
-
-    /// One step of the loop: the curves of view `to` that a curve may be, the best first; gives whether any got votes.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "from where to where, how far, and how"
-    )]
-    fn step(
-        &mut self,
-        views: &[ChannelView<'_>; 3],
-        rows: &[Rows; 3],
-        (from, label): (usize, u32),
-        to: usize,
-        steps: f32,
-        range: Range,
-        number: usize,
-        ballot: &Ballot,
-        closing: &Closing,
-    ) -> bool {
-        let peaks = &mut self.peaks[number];
-        peaks.clear();
-        let Some(table) = views[from].tables.tables.get(label as usize) else {
-            return false;
-        };
-        let entries = &views[from].tables.entries[table.first as usize..][..table.count as usize];
-        let curve: &Curve = &views[from].curves.curves[label as usize];
-        let ends = [curve.x - steps * range.least, curve.x - steps * range.most];
-        let margin = closing.width / 2.0;
-        let window = Window {
-            columns: (ends[0].min(ends[1]) - margin, ends[0].max(ends[1]) + margin),
-            rows: (curve.y - closing.rows / 2.0, curve.y + closing.rows / 2.0),
-        };
-        self.windows[to].inside(window, &mut self.labels);
-        self.votes.count(
-            table,
-            entries,
-            &views[to],
-            &rows[to].curve_of,
-            &self.labels,
-            steps,
-            range,
-            ballot,
-            peaks,
-        );
-        let is_voted_for = !peaks.is_empty();
-        peaks.retain(|peak| peak.score >= closing.score);
-        peaks.truncate(closing.tries);
-        is_voted_for
-    }
+/// The views, one by one.
+fn sides<'a>(places: &'a [Vec<(f32, f32)>; 3], views: Views<'a>) -> [Side<'a>; 3] {
+    std::array::from_fn(|view| Side {
+        view: views.views[view],
+        rows: &views.rows[view],
+        lower: views.lower[view],
+        places: &places[view],
+    })
 }

@@ -5,7 +5,9 @@ use messages::{Edge, NONE};
 use crate::Range;
 use crate::along::Choice;
 use crate::closed_loop::Closed;
-use crate::rows::{Rows, is_flat, turn};
+use crate::course::Course;
+use crate::rows::{Rows, Spot, is_flat, turn};
+use crate::settings::Filling;
 use crate::triple::Steps;
 
 /// Which points are partners inside matched curves.
@@ -30,29 +32,33 @@ pub(crate) fn row_by_row(
     pairing: &Pairing,
     choices: &mut [Choice],
 ) {
-    let range = Range {
-        least: closed.disparity - pairing.spread,
-        most: closed.disparity + pairing.spread,
-    };
     for (edge, choice) in edges.iter().zip(choices) {
         *choice = Choice::NOTHING;
         if !edge.is_in_row() || is_flat(edge.orientation, pairing.flat) {
             continue;
         }
-        let partner = |view: usize, to: f32, range: Range| {
-            let ends = [edge.x - to * range.least, edge.x - to * range.most];
-            let middle = (ends[0] + ends[1]) / 2.0;
-            let between =
-                rows[view].between(edge.y as usize, ends[0].min(ends[1]), ends[0].max(ends[1]));
-            let own = between.filter(|(_, spot)| {
-                spot.curve == closed.curves[view]
-                    && turn(spot.orientation, edge.orientation) <= pairing.turn
+        let expected = closed.course.at(edge.y, edge.x);
+        // The matched curve's own point, or, where the contour is broken elsewhere in that view, another one's that goes
+        // on in its place.
+        let partner = |view: usize, to: f32, reach: f32, expected: f32| {
+            let range = Range {
+                least: expected - reach,
+                most: expected + reach,
+            };
+            let alike = rows[view]
+                .within(edge.y as usize, edge.x, to, range)
+                .filter(|(_, spot)| turn(spot.orientation, edge.orientation) <= pairing.turn);
+            let middle = edge.x - to * expected;
+            let nearest = alike.min_by(|a, b| {
+                let [own_a, own_b] = [a, b].map(|near| near.1.curve != closed.curves[view]);
+                let away = |near: &(usize, &Spot)| (near.1.x - middle).abs();
+                own_a.cmp(&own_b).then(away(a).total_cmp(&away(b)))
             });
-            let nearest =
-                own.min_by(|a, b| (a.1.x - middle).abs().total_cmp(&(b.1.x - middle).abs()));
             nearest.map(|(index, _)| index)
         };
-        let Some(near) = partner(steps.near, steps.to_near, range) else {
+        let reach = pairing.spread;
+        let near = partner(steps.near, steps.to_near, reach, expected);
+        let Some(near) = near else {
             continue;
         };
         let short = (edge.x - rows[steps.near].spots[near].x) / steps.to_near;
@@ -73,11 +79,7 @@ pub(crate) fn row_by_row(
             continue;
         }
         let allowed = pairing.miss / steps.to_far.abs();
-        let expected = Range {
-            least: short - allowed,
-            most: short + allowed,
-        };
-        let Some(far) = partner(steps.far, steps.to_far, expected) else {
+        let Some(far) = partner(steps.far, steps.to_far, allowed, short) else {
             continue;
         };
         let xs = steps.in_order(
@@ -95,9 +97,15 @@ pub(crate) fn row_by_row(
     }
 }
 
-/// Gives the points of a matched curve that have no pair the curve's disparity: interpolated along the curve and held
-/// at its ends, or, as in the thesis, that of the centroid.
-pub(crate) fn fill_whole(choices: &mut [Choice], centroid: Option<f32>, otherwise: f32) {
+/// Gives the points of a matched curve that have no pair the curve's disparity: interpolated along the curve, and from its
+/// last pair on as its course goes on; or, as in the thesis, that of the centroid.
+pub(crate) fn fill_whole(
+    edges: &[Edge],
+    choices: &mut [Choice],
+    filling: Filling,
+    course: &Course,
+    centroid: f32,
+) {
     let filled = |disparity: f32, like: Choice| Choice {
         disparity,
         spots: [NONE; 2],
@@ -118,16 +126,19 @@ pub(crate) fn fill_whole(choices: &mut [Choice], centroid: Option<f32>, otherwis
                 cost: 1.0,
                 ..Choice::NOTHING
             });
-            let along = match (before, after) {
-                (Some(a), Some(b)) => {
+            let course = |at: usize| course.at(edges[at].y, edges[at].x);
+            let beside = |at: usize, seen: Choice| seen.disparity + course(between) - course(at);
+            let disparity = match (filling, before, after) {
+                (Filling::Centroid, ..) => centroid,
+                (Filling::Along, Some(a), Some(b)) => {
                     let share = (between + 1 - start) as f32 / (at + 1 - start) as f32;
                     a.disparity + share * (b.disparity - a.disparity)
                 }
-                (Some(a), None) => a.disparity,
-                (None, Some(b)) => b.disparity,
-                (None, None) => otherwise,
+                (Filling::Along, Some(a), None) => beside(start - 1, a),
+                (Filling::Along, None, Some(b)) => beside(at, b),
+                (Filling::Along, None, None) => course(between),
             };
-            choices[between] = filled(centroid.unwrap_or(along), like);
+            choices[between] = filled(disparity, like);
         }
         last = Some(at);
     }

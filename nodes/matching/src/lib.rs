@@ -12,9 +12,11 @@ mod by_curve;
 mod by_point;
 mod candidates;
 mod closed_loop;
+mod course;
 mod differences;
 mod fuse;
 mod marr_poggio;
+mod misaligned;
 #[cfg(feature = "node")]
 pub mod node;
 pub mod rail;
@@ -29,7 +31,6 @@ mod support;
 mod surroundings;
 mod triple;
 mod vote;
-mod windows;
 
 use messages::{
     Calibration, Contrast, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, Sway,
@@ -97,6 +98,14 @@ pub struct Matcher {
     closed_loop: ClosedLoop,
     /// Per curve of the reference view the loop that closed.
     closed: Vec<Option<Closed>>,
+    /// Per curve of the reference view the disparities at which its partners are looked for.
+    bands: Vec<course::Band>,
+    /// Rows by which each view's picture lies lower than the reference view's, as far as whole curves tell.
+    lower: [f32; 3],
+    /// Whether no view of the triple sways.
+    is_steady: bool,
+    /// Curves of the reference view by which pictures out of line are told.
+    asked: Vec<u32>,
     nodes: Vec<relation::Node>,
     nodes_before: Vec<relation::Node>,
     /// Curves of the near and the far view that a curve's points chose, with their numbers.
@@ -249,7 +258,11 @@ impl Matcher {
             let sway = triple.beside_reference(at);
             let gain = self.contrast.gain(first + at);
             rows.fill(view, size, triple.drift * to_the_right, &sway, gain);
+            if channel == 0 {
+                self.lower[at] = triple.drift * to_the_right;
+            }
         }
+        self.is_steady = triple.sway.iter().all(Sway::is_none);
         let own = triple.places[triple.reference];
         let by_point = steps.third && self.settings.assignment == Assignment::Point;
         let others = if by_point { all.len() - 3 } else { 0 };

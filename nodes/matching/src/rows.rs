@@ -244,7 +244,7 @@ const MEAN: f32 = 128.0;
 const WEIGHTS: [u16; 8] = [3, 6, 7, 4, 4, 7, 6, 3];
 
 /// Columns a row that a contour is followed to another row.
-const STEEPEST: f32 = 4.0;
+pub(crate) const STEEPEST: f32 = 4.0;
 
 /// The angle between two orientations, in radians, 0 to π.
 pub(crate) fn turn(a: f32, b: f32) -> f32 {

@@ -127,14 +127,19 @@ messages::settings! {
         pub fill_in: bool = true;
         /// Assignment of curves: the disparity expected in the coarsest channel, in pixels; by default all are searched.
         pub initial_disparity: Option<f32> = None, in 0..=4096;
-        /// Assignment of curves: columns of the window in which partners are looked for, in central widths of the filter.
+        /// Assignment of curves: columns around the expected disparity in which partners are looked for, in central widths
+        /// of the filter.
         pub window_widths: f32 = 1.5, in 0.1..=100;
-        /// Assignment of curves: rows of that window.
-        pub window_rows: f32 = 24.0, in 1..=1000;
-        /// Assignment of curves: rows by which points that vote may differ.
-        pub vote_rows: u32 = 1, in 0..=16;
-        /// Assignment of curves: pixels of disparity a cell of the accumulator is wide.
-        pub vote_cell: f32 = 1.0, in 0.1..=16;
+        /// Assignment of curves: rows of that window: by up to half of them the pictures of cameras out of line may lie
+        /// lower or higher than the reference view's, which is measured from the curves. 0 takes them as aligned.
+        pub window_rows: f32 = 24.0, in 0..=1000;
+        /// Assignment of curves: rows by which points of flat contours that vote may differ.
+        pub vote_rows: f32 = 1.0, in 0..=16;
+        /// Assignment of curves: pixels of disparity within which votes agree.
+        pub vote_cell: f32 = 1.5, in 0.1..=16;
+        /// Assignment of curves: most that a curve's disparity changes from row to row or column to column, in pixels; 0 knows
+        /// only curves of one disparity.
+        pub slant_most: f32 = 0.05, in 0..=1;
         /// Assignment of curves: votes by length that a partner needs.
         pub score: f32 = 0.5, in 0..=1;
         /// Assignment of curves: pixels by which the loop may miss its start, and its steps may differ.
@@ -161,6 +166,11 @@ messages::settings! {
 }
 
 impl Settings {
+    /// Whether R-tables are read, and not the index of points by row alone.
+    pub fn reads_tables(&self) -> bool {
+        self.assignment == Assignment::Curve && self.method != Method::Point
+    }
+
     /// The constants of the thesis: curves are assigned, not points; windows of 1.5 w by 24 rows around an initial
     /// estimate of 32 pixels or what the coarser channel predicts; orientations within 10°; points without a partner
     /// get the centroid's disparity.
@@ -172,7 +182,7 @@ impl Settings {
             window_widths: 1.5,
             window_rows: 24.0,
             orientation_tolerance: 10.0,
-            filling: Filling::Centroid,
+            filling: Filling::Along,
             ..Self::default()
         }
     }

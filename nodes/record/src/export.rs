@@ -73,6 +73,8 @@ pub struct Export {
     pub map: Option<PathBuf>,
     /// The pictures of every view and channel.
     pub png: Option<PathBuf>,
+    /// The thesis's figures.
+    pub thesis: Option<PathBuf>,
 }
 
 /// A file that was written.
@@ -139,6 +141,10 @@ pub fn export(recording: &mut Recording, wanted: &Export) -> Result<Vec<Exported
             let pictures = pictures::pictures(recording, *scan, folder)?;
             written.extend(pictures.iter().map(|path| file(path, None)));
         }
+    }
+    if let Some(folder) = &wanted.thesis {
+        let figures = crate::thesis::export(recording, folder)?;
+        written.extend(figures.iter().map(|path| file(path, None)));
     }
     Ok(written)
 }

@@ -14,6 +14,7 @@
 mod attach;
 mod batch;
 mod chunk;
+mod compact;
 mod export;
 mod info;
 mod map;
@@ -25,6 +26,7 @@ mod seal;
 mod settings;
 mod sink;
 mod summary;
+mod thesis;
 mod thread;
 mod writer;
 
@@ -36,7 +38,9 @@ pub use batch::{Batch, encoder, taken_kinds};
 pub use export::{CSV_HEADER, Export, ExportError, Exported, export, whole};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
 pub use messages::record::{Encoder, Sink};
-pub use report::{Known, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report};
+pub use report::{
+    Known, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report, thesis,
+};
 pub use rewrite::{RewriteError, Rewritten, Split, Wanted, read_and_written, rewrite};
 pub use seal::{SealError, Sealed, seal};
 pub use settings::{Compression, Settings};

@@ -15,6 +15,7 @@ mod plot;
 mod scan;
 mod settings;
 mod space;
+mod thesis;
 
 use std::fmt::{self, Write as _};
 use std::io::{BufWriter, Write as _};
@@ -33,6 +34,7 @@ use crate::{ExportError, Info, Recording};
 
 pub use accuracy::{Mismatches, Rivals};
 pub use settings::Known;
+pub use thesis::thesis;
 
 /// Why there is no page.
 #[derive(Debug, Error)]

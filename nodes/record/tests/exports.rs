@@ -230,6 +230,58 @@ fn png_gives_the_four_pictures_of_every_view_and_channel_in_names_that_sort() {
 }
 
 #[test]
+fn the_thesis_s_figures_are_numbered_object_by_object_and_the_same_every_time() {
+    let rig = synthetic::rig(SIZE);
+    let (folder, mut recording) = recorded(&rig, 2);
+    let mut made = Vec::new();
+    for name in ["one", "two"] {
+        let thesis = folder.path().join(name);
+        let wanted = Export {
+            thesis: Some(thesis.clone()),
+            ..Export::default()
+        };
+        let written = export(&mut recording, &wanted).unwrap();
+        let bytes = |path: &PathBuf| std::fs::read(path).unwrap();
+        let files: Vec<PathBuf> = written.into_iter().map(|file| file.path).collect();
+        made.push(files.iter().map(bytes).collect::<Vec<_>>());
+        let mut expected = vec!["contact-sheet.png".to_owned()];
+        let objects = ["discs", "scan-1"];
+        let mut number = 1;
+        for object in objects {
+            expected.push(format!("B.{number:02}-{object}-original.png"));
+            number += 1;
+            for channel in ["8", "1.5"] {
+                for step in ["zero-crossings", "orientation", "segments", "disparity"] {
+                    expected.push(format!("B.{number:02}-{object}-{channel}-{step}.png"));
+                    number += 1;
+                }
+            }
+        }
+        expected.sort();
+        assert_eq!(names(&thesis), expected);
+    }
+    assert_eq!(made[0], made[1]);
+    let open = |name: String| image::open(folder.path().join("one").join(name)).unwrap();
+    let object = "discs";
+    // Three views side by side, and of orientations two rows.
+    let strip = open(format!("B.01-{object}-original.png"));
+    assert_eq!(
+        (strip.width(), strip.height()),
+        (3 * SIZE.width + 16, SIZE.height)
+    );
+    let turned = open(format!("B.03-{object}-8-orientation.png")).into_rgb8();
+    assert_eq!(turned.height(), 2 * SIZE.height + 8);
+    // A zero-crossing has both.
+    let row = |y: u32| {
+        (0..SIZE.width)
+            .map(|x| turned.get_pixel(x, y).0 != [0; 3])
+            .collect::<Vec<_>>()
+    };
+    assert!((0..SIZE.height).all(|y| row(y) == row(SIZE.height + 8 + y)));
+    assert!((0..SIZE.height).any(|y| row(y).contains(&true)));
+}
+
+#[test]
 fn one_file_of_several_scans_asks_which_and_leaves_nothing() {
     let (folder, mut recording) = recorded(&synthetic::rig(SIZE), 2);
     let pfm = folder.path().join("disparity.pfm");

@@ -3,7 +3,7 @@
 use matching::{Matcher, Method, Reference, Settings};
 use messages::Edge;
 
-use super::scene::{Found, Scene, View, chance, wavy};
+use super::scene::{Found, Scene, View, chance, moved, wavy};
 use super::{SIZE, lone, many, run};
 
 fn with_reference(view: u32) -> Settings {
@@ -11,10 +11,6 @@ fn with_reference(view: u32) -> Settings {
         reference: Reference::View(view),
         ..lone()
     }
-}
-
-fn moved(curve: &[Edge], by: f32) -> Vec<Edge> {
-    curve.iter().map(|e| Edge { x: e.x - by, ..*e }).collect()
 }
 
 /// Root mean square of the errors of all points.

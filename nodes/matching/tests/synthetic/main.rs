@@ -7,7 +7,7 @@ mod scene;
 
 use matching::{Assignment, Matcher, Method, Reference, Settings};
 use messages::{Edge, Point, Size};
-use scene::{Found, Scene, View, chance, wavy};
+use scene::{Found, Scene, View, chance, lowered, moved, wavy};
 
 const SIZE: Size = Size::new(400, 300);
 
@@ -143,6 +143,35 @@ fn the_thesis_profile_finds_what_lies_near_its_initial_estimate() {
     let found = scene.run(&mut Matcher::new(&Settings::thesis(), &[30.0]), SIZE);
     assert_eq!(found.matches.len(), 1);
     assert!((found.matches[0].disparity - 31.0).abs() < 0.1);
+}
+
+#[test]
+fn whole_curves_find_by_how_many_rows_cameras_are_out_of_line() {
+    for out in [[1.0f32, -1.0], [-1.3, 0.4], [2.5, 2.0], [0.0, 0.0]] {
+        let mut scene = Scene::default();
+        let mut truth = Vec::new();
+        for number in 0..12 {
+            let (column, row) = (number as usize % 4, number as usize / 4);
+            let disparity = 24.0 + 14.0 * chance(number);
+            for (view, lower) in [0.0, out[0], out[1]].into_iter().enumerate() {
+                let x = 120.0 + 60.0 * column as f32;
+                let seen = lowered(x, 6 + 70 * row, 60, number, lower);
+                scene.views[view].push(&moved(&seen, view as f32 * disparity));
+            }
+            truth.push(disparity);
+        }
+        // Neighbours have nothing to do with each other here.
+        let settings = Settings {
+            relation_rounds: 0,
+            ..Settings::thesis()
+        };
+        let found = scene.run(&mut Matcher::new(&settings, &[30.0]), SIZE);
+        assert_eq!(found.matches.len(), truth.len(), "{out:?}");
+        let most = found.match_points.iter().fold(0f32, |most, point| {
+            most.max((point.disparity - truth[point.point as usize / 60]).abs())
+        });
+        assert!(most < 0.15, "{out:?}: {most}");
+    }
 }
 
 #[test]

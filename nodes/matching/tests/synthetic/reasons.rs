@@ -5,13 +5,8 @@ use std::f32::consts::FRAC_PI_2;
 use matching::{Assignment, Method, Settings};
 use messages::{Edge, NONE, Reason};
 
-use crate::scene::{Scene, View, chance, wavy};
+use crate::scene::{Scene, View, chance, moved, wavy};
 use crate::{fence, many, noisy, run, ways};
-
-fn moved(points: &[Edge], by: f32) -> Vec<Edge> {
-    let there = |e: &Edge| Edge { x: e.x - by, ..*e };
-    points.iter().map(there).collect()
-}
 
 fn of(method: Method, assignment: Assignment) -> Settings {
     Settings {
@@ -92,31 +87,36 @@ fn a_curve_that_two_views_see_is_refused_by_the_third() {
 }
 
 #[test]
-fn a_loop_that_ends_elsewhere_does_not_close() {
+fn a_loop_whose_ends_hardly_meet_does_not_close() {
     let curve = wavy(200.0, 50, 60, 7);
     let mut scene = Scene::default();
-    // The whole curve in the other views, but only its upper half here: from there it votes for too little.
-    scene.views[0].push(&curve[..32]);
-    scene.views[0].push(&curve[32..]);
+    // Each has enough in common with the whole curve in the middle, but they have little in common with each other.
+    scene.views[0].push(&curve[..40]);
     scene.views[1].push(&moved(&curve, 9.0));
-    scene.views[2].push(&moved(&curve, 18.0));
-    let settings = Settings {
-        score: 0.6,
-        window_rows: 80.0,
-        ..of(Method::ThreeView, Assignment::Curve)
-    };
-    let found = run(&scene, &settings);
-    assert_eq!(found.reasons(), [Reason::Loop; 2]);
+    scene.views[2].push(&moved(&curve[30..], 18.0));
+    let settings = of(Method::ThreeView, Assignment::Curve);
+    assert_eq!(reason(&scene, &settings), Reason::Loop);
 }
 
 #[test]
-fn a_curve_of_which_half_is_seen_gets_too_few_votes() {
+fn a_curve_is_matched_for_the_part_of_it_that_others_see() {
     let curve = wavy(200.0, 50, 60, 7);
     let mut scene = Scene::default();
     scene.views[0].push(&curve);
     for (steps, view) in (1u8..).zip(&mut scene.views[1..]) {
         view.push(&moved(&curve[20..40], 9.0 * f32::from(steps)));
     }
+    let found = run(&scene, &of(Method::ThreeView, Assignment::Curve));
+    assert!((found.matches[0].disparity - 9.0).abs() < 0.01);
+    let seen = found.match_points.iter().filter(|point| point.filled == 0);
+    assert_eq!(seen.count(), 20);
+}
+
+#[test]
+fn a_curve_whose_parts_lie_at_three_disparities_gets_too_few_votes() {
+    let curve = wavy(200.0, 50, 60, 7);
+    let mut scene = Scene::default();
+    scene.add(&curve, |row| 9.0 + 5.0 * (row / 20.0).floor());
     let settings = of(Method::ThreeView, Assignment::Curve);
     assert_eq!(reason(&scene, &settings), Reason::Votes);
 }

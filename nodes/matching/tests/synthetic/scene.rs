@@ -39,9 +39,14 @@ pub(crate) fn chance(seed: u32) -> f32 {
 
 /// A curve that runs down, one point a row, with gray levels of its own that change slowly along it.
 pub(crate) fn wavy(x: f32, row: usize, rows: usize, seed: u32) -> Vec<Edge> {
+    lowered(x, row, rows, seed, 0.0)
+}
+
+/// The same in a picture that lies so many rows lower: the rows it is crossed by are the same, the places are not.
+pub(crate) fn lowered(x: f32, row: usize, rows: usize, seed: u32, lower: f32) -> Vec<Edge> {
     let (phase, wave) = (6.3 * chance(seed), 0.05 + 0.1 * chance(seed + 1000));
     let point = |i: usize| {
-        let angle = phase + wave * i as f32;
+        let angle = phase + wave * (i as f32 - lower);
         let slope = 5.0 * wave * angle.cos();
         let gray =
             |k: usize| (40.0 + 150.0 * chance(seed * 8 + k as u32) + 20.0 * angle.sin()) as u8;
@@ -54,6 +59,11 @@ pub(crate) fn wavy(x: f32, row: usize, rows: usize, seed: u32) -> Vec<Edge> {
         }
     };
     (0..rows).map(point).collect()
+}
+
+/// A curve elsewhere, so many pixels to the left.
+pub(crate) fn moved(curve: &[Edge], by: f32) -> Vec<Edge> {
+    curve.iter().map(|e| Edge { x: e.x - by, ..*e }).collect()
 }
 
 impl Default for Scene {

@@ -86,7 +86,7 @@ impl Picture {
         }
     }
 
-    fn rgb(size: Size, bytes: Vec<u8>) -> Self {
+    pub(crate) fn rgb(size: Size, bytes: Vec<u8>) -> Self {
         Self {
             size,
             colours: ExtendedColorType::Rgb8,

@@ -11,9 +11,10 @@ use messages::{Point, Size};
 use png::EncodingError;
 
 use super::Fault;
-use super::figures::{Pixels, encode, shade, shades};
+use super::figures::{shade, shades};
 use super::page::{count, data_uri, escape, missing};
 use super::plot::{decimals, ticks};
+use crate::compact::{Pixels, encode};
 
 /// The size of a picture of points.
 pub(super) const CANVAS: Size = Size::new(960, 720);
