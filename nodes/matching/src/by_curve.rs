@@ -5,7 +5,7 @@ use messages::{Edge, Reason, Size, Sway};
 
 use crate::closed_loop::{Closing, Views};
 use crate::course::{Band, Lanes};
-use crate::differences::{self, Pairing};
+use crate::differences::{Matched, Pairing};
 use crate::misaligned::FINEST;
 use crate::relation::{self, Node, Relation};
 use crate::triple::Steps;
@@ -105,6 +105,14 @@ impl Matcher {
             spread: s.vote_cell,
             miss: s.miss,
             flat: ballot.flat,
+            rows: ballot.rows,
+            gap: s.gap,
+            filling: s.filling,
+        };
+        let all = Views {
+            views,
+            rows: &self.rows,
+            lower: self.lower,
         };
         let closed = self.closed.iter_mut().zip(reference.curves);
         let matched = closed.filter(|(closed, _)| closed.is_some());
@@ -114,21 +122,22 @@ impl Matcher {
                 self.lost[curve.range()].fill(Reason::Neighbours);
                 continue;
             };
-            let choices = &mut self.choices[curve.range()];
-            differences::row_by_row(
-                &reference.points[curve.range()],
-                &found,
-                &self.rows,
+            let matched = Matched {
+                sides: self.closed_loop.sides(all),
                 steps,
-                &pairing,
-                choices,
+                closed: found,
+                pairing: &pairing,
+            };
+            let (points, choices) = (
+                &reference.points[curve.range()],
+                &mut self.choices[curve.range()],
             );
+            matched.row_by_row(points, choices);
             for choice in choices.iter_mut() {
                 choice.support = node.support;
             }
-            let points = &reference.points[curve.range()];
             let centroid = found.course.at(curve.y, curve.x);
-            differences::fill_whole(points, choices, s.filling, &found.course, centroid);
+            matched.fill(points, centroid, choices);
         }
 
         self.around

@@ -67,6 +67,11 @@ impl ClosedLoop {
         }
     }
 
+    /// The views, one by one.
+    pub(crate) fn sides<'a>(&'a self, views: Views<'a>) -> [Side<'a>; 3] {
+        sides(&self.places, views)
+    }
+
     /// How well the votes of a curve of the reference view agree with one course in the view `to`, and what they say about
     /// that view's rows.
     pub(crate) fn agreement(

@@ -181,6 +181,7 @@ impl Settings {
             initial_disparity: Some(32.0),
             window_widths: 1.5,
             window_rows: 24.0,
+            score: 0.7,
             orientation_tolerance: 10.0,
             filling: Filling::Along,
             ..Self::default()

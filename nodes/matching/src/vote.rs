@@ -390,7 +390,7 @@ fn met(
 
 /// Calls `meet` with the points, and their curves, that lie between two columns at most so many rows from a row of the
 /// reference view.
-fn about(
+pub(crate) fn about(
     side: &Side<'_>,
     row: f32,
     left: f32,
