@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
 use std::sync::Mutex;
 
-use evaluate::{Contours, Evaluator};
+use evaluate::Evaluator;
 use indicatif::{ProgressBar, ProgressStyle};
 use matching::Method;
 use messages::{Reference, Score};
@@ -131,10 +131,8 @@ fn evaluated(
     let of_evaluate: evaluate::Settings = settings(graph, "evaluate")?;
     let mut evaluator = Evaluator::new(&of_evaluate);
     let contours = source.contours(scene.scan, view);
-    let mut contours = contours.map(|contours| {
-        let contours = Contours::new(&of_evaluate, &contours, scene.views, scan.size);
-        ContoursReport::new(contours, &scan, view)
-    });
+    let mut contours =
+        contours.map(|contours| ContoursReport::new(&of_evaluate, &contours, &scan, view));
     let settings = |method: Method| matching::Settings {
         method,
         reference: Reference::View(view as u32),

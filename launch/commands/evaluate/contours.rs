@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use evaluate::{Compared, Contours, Tracked, Truths};
 use matching::Method;
-use messages::ContourKind;
+use messages::{Contour, ContourKind};
 use serde::Serialize;
 
 use super::{Report, text};
@@ -13,8 +13,9 @@ use crate::offline::{Matched, Tabulated};
 /// What curves and matches show of a scene's true contours.
 #[derive(Debug, Serialize)]
 pub(super) struct ContoursReport {
+    /// As each channel can show them.
     #[serde(skip)]
-    contours: Contours,
+    contours: Vec<Contours>,
     /// A channel each, coarse to fine.
     curves: Vec<CurvesReport>,
     /// A method each, in the order of the report's, and of each a channel each.
@@ -105,15 +106,20 @@ impl CurvesReport {
 
 impl ContoursReport {
     /// What the curves of a scan's view show.
-    pub(super) fn new(contours: Contours, scan: &Tabulated, view: usize) -> Self {
-        let tracked = scan
-            .channels
-            .iter()
-            .enumerate()
-            .map(|(channel, &variance)| {
-                let tracked = contours.tracked(scan.curves(view, channel), variance);
-                CurvesReport::new(variance, tracked)
-            });
+    pub(super) fn new(
+        settings: &evaluate::Settings,
+        of_view: &[Contour],
+        scan: &Tabulated,
+        view: usize,
+    ) -> Self {
+        let size = (scan.views(), scan.size);
+        let contours: Vec<Contours> = (scan.channels.iter())
+            .map(|&variance| Contours::new(settings, of_view, size, variance))
+            .collect();
+        let tracked = contours.iter().zip(&scan.channels).enumerate();
+        let tracked = tracked.map(|(channel, (contours, &variance))| {
+            CurvesReport::new(variance, contours.tracked(scan.curves(view, channel)))
+        });
         Self {
             curves: tracked.collect(),
             methods: Vec::new(),
@@ -133,17 +139,10 @@ impl ContoursReport {
             disparity: truth,
             size: scan.size,
         };
-        let compared = scan
-            .channels
-            .iter()
-            .enumerate()
-            .map(|(channel, &variance)| {
-                let (curves, matches) = (scan.curves(view, channel), matched.matches(channel));
-                let compared = self
-                    .contours
-                    .compared(curves, matches, &truths, view, variance);
-                MatchesReport::from(compared)
-            });
+        let compared = self.contours.iter().enumerate().map(|(channel, contours)| {
+            let (curves, matches) = (scan.curves(view, channel), matched.matches(channel));
+            MatchesReport::from(contours.compared(curves, matches, &truths, view))
+        });
         let compared = compared.collect();
         self.methods.push(compared);
     }

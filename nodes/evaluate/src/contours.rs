@@ -7,9 +7,10 @@
 //! ```
 //!
 //! What is near, [`near`], grows with the channel: the coarser it is, the further zero-crossings lie from where things
-//! end, and of two contours closer than that the channel sees one.
+//! end. Of two contours side by side and closer than 2σ a channel has one zero-crossing: the one of less contrast does not
+//! count there.
 
-use messages::{Contour, ContourKind, CurvesView, MatchesView, Size};
+use messages::{Contour, ContourKind, ContourPoint, CurvesView, MatchesView, Size};
 
 use crate::{Settings, Truths};
 
@@ -23,6 +24,12 @@ pub const SEEN_SHARE: f32 = 0.8;
 /// less than one and a half.
 pub fn near(variance: f32) -> f32 {
     (2.0 * std::f32::consts::SQRT_2 * variance.sqrt() / 4.0).max(1.5)
+}
+
+/// How close to a stronger contour, in pixels, a channel shows none: two steps have one zero-crossing as long as they are
+/// less than 2σ apart.
+pub fn merged(variance: f32) -> f32 {
+    2.0 * variance.sqrt()
 }
 
 /// The sine of the angle, 45 degrees, by which directions of a curve and its contour may differ: corners are rounded.
@@ -72,12 +79,13 @@ struct Spot {
     /// Direction of its contour, a unit long.
     along: [f32; 2],
     disparity: f32,
+    contrast: f32,
     /// Pixels of contour that it stands for.
     weight: f32,
     kind: ContourKind,
     /// Whether all views see it.
     is_seen: bool,
-    /// Whether it is of a stretch that is long enough.
+    /// Whether it is of a stretch that is long enough, and beside no stronger one.
     counts: bool,
 }
 
@@ -98,28 +106,58 @@ impl Across {
     }
 }
 
-/// The true contours of a view, to compare with.
+/// The true contours of a view as a channel can show them, to compare with.
 #[derive(Debug)]
 pub struct Contours {
+    /// Those that have contrast.
     spots: Vec<Spot>,
     /// Numbers of the spots in each cell, and where each cell's begin.
     cells: Vec<u32>,
     starts: Vec<u32>,
     columns: usize,
     rows: usize,
+    near: f32,
 }
 
 impl Contours {
-    /// Pixels along the side of a cell; what is near is less.
-    const CELL: f32 = 8.0;
+    /// Pixels along the side of a cell; what is looked for is nearer.
+    const CELL: f32 = 16.0;
 
-    /// Takes in the contours of a view of this size, of a scene of so many views.
-    pub fn new(settings: &Settings, contours: &[Contour], views: usize, size: Size) -> Self {
+    /// Takes in the contours of a view of this size, of a scene of so many views, for a channel of this σ².
+    pub fn new(
+        settings: &Settings,
+        contours: &[Contour],
+        (views, size): (usize, Size),
+        variance: f32,
+    ) -> Self {
         let all = (1 << views) - 1;
         let mut spots = Vec::new();
         for contour in contours {
-            stretches(settings, contour, all, &mut spots);
+            let has_contrast = |at: usize| contour.points[at].contrast >= settings.contrast;
+            let course = Course::of(&contour.points, |_| false);
+            for (step, &at) in course.order.iter().enumerate() {
+                let point = &contour.points[at];
+                if has_contrast(at) {
+                    spots.push(Spot {
+                        x: point.x,
+                        y: point.y,
+                        along: course.along(step),
+                        disparity: point.disparity,
+                        contrast: point.contrast,
+                        weight: course.weight(step),
+                        kind: contour.kind,
+                        is_seen: point.seen & all == all,
+                        counts: false,
+                    });
+                }
+            }
         }
+        let mut this = Self::sorted(spots, size, near(variance));
+        this.count(settings, contours, merged(variance));
+        this
+    }
+
+    fn sorted(spots: Vec<Spot>, size: Size, near: f32) -> Self {
         let side = |pixels: u32| (pixels as f32 / Self::CELL).ceil().max(1.0) as usize;
         let (columns, rows) = (side(size.width), side(size.height));
         let mut this = Self {
@@ -128,6 +166,7 @@ impl Contours {
             starts: vec![0; columns * rows + 1],
             columns,
             rows,
+            near,
         };
         let of: Vec<usize> = this.spots.iter().map(|s| this.cell(s.x, s.y)).collect();
         for &cell in &of {
@@ -136,10 +175,51 @@ impl Contours {
         for cell in 0..columns * rows {
             this.starts[cell + 1] += this.starts[cell];
         }
-        let mut order: Vec<u32> = (0..of.len() as u32).collect();
-        order.sort_by_key(|&spot| of[spot as usize]);
-        this.cells = order;
+        this.cells = (0..of.len() as u32).collect();
+        this.cells.sort_by_key(|&spot| of[spot as usize]);
         this
+    }
+
+    /// Says which spots count: those of stretches, long enough, of spots beside which no stronger one lies.
+    fn count(&mut self, settings: &Settings, contours: &[Contour], merged: f32) {
+        let is_masked = |number: usize| {
+            let own = &self.spots[number];
+            let across = Across {
+                x: own.x,
+                y: own.y,
+                orientation: own.along[0].atan2(-own.along[1]),
+            };
+            self.around(across, merged).any(|(other, _)| {
+                let there = &self.spots[other];
+                let side = [there.x - own.x, there.y - own.y];
+                // What lies ahead is the contour itself, or one that goes on from it.
+                let ahead = side[0] * own.along[0] + side[1] * own.along[1];
+                let beside = side[1] * own.along[0] - side[0] * own.along[1];
+                there.contrast > own.contrast && beside.abs() > ahead.abs() && beside.abs() > 1.0
+            })
+        };
+        let is_masked: Vec<bool> = (0..self.spots.len()).map(is_masked).collect();
+        let mut next = 0;
+        for contour in contours {
+            // Numbers of the spots, in the order of the points.
+            let whole = Course::of(&contour.points, |_| false);
+            let mut spots = vec![None; contour.points.len()];
+            for &at in &whole.order {
+                if contour.points[at].contrast >= settings.contrast {
+                    spots[at] = Some(next).filter(|&spot| !is_masked[spot]);
+                    next += 1;
+                }
+            }
+            let course = Course::of(&contour.points, |at| spots[at].is_none());
+            let free: Vec<Option<usize>> = course.order.iter().map(|&at| spots[at]).collect();
+            for stretch in free.split(Option::is_none) {
+                let stretch = stretch.iter().flatten();
+                let length: f32 = stretch.clone().map(|&spot| self.spots[spot].weight).sum();
+                for &spot in stretch {
+                    self.spots[spot].counts = length >= LEAST_LENGTH;
+                }
+            }
+        }
     }
 
     fn cell(&self, x: f32, y: f32) -> usize {
@@ -167,19 +247,19 @@ impl Contours {
     }
 
     /// The spot that something shows.
-    fn nearest(&self, across: Across, near: f32) -> Option<&Spot> {
+    fn nearest(&self, across: Across) -> Option<&Spot> {
         let nearest = self
-            .around(across, near)
+            .around(across, self.near)
             .min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
         nearest.map(|(spot, _)| &self.spots[spot])
     }
 
     /// Whether all views see the contour of each curve.
-    fn seen(&self, curves: CurvesView<'_>, near: f32) -> Vec<bool> {
+    fn seen(&self, curves: CurvesView<'_>) -> Vec<bool> {
         let is_seen = |curve: &messages::Curve| {
             let points = curve.points(curves.points);
             let on = points.iter().filter(|edge| {
-                let spot = self.nearest(across(edge), near);
+                let spot = self.nearest(across(edge));
                 spot.is_some_and(|spot| spot.is_seen)
             });
             on.count() as f32 >= SEEN_SHARE * points.len() as f32
@@ -187,22 +267,17 @@ impl Contours {
         curves.curves.iter().map(is_seen).collect()
     }
 
-    /// What of the contours a channel's curves of this view show.
-    pub fn tracked(&self, curves: CurvesView<'_>, variance: f32) -> Tracked {
-        let near = near(variance);
+    /// What of the contours the channel's curves of this view show.
+    pub fn tracked(&self, curves: CurvesView<'_>) -> Tracked {
         let mut is_on = vec![false; self.spots.len()];
         for edge in curves.points {
-            for (spot, _) in self.around(across(edge), near) {
+            for (spot, _) in self.around(across(edge), self.near) {
                 is_on[spot] = true;
             }
         }
         let mut tracked = Tracked {
             curves: curves.curves.len() as u32,
-            seen: self
-                .seen(curves, near)
-                .iter()
-                .map(|&seen| u32::from(seen))
-                .sum(),
+            seen: self.seen(curves).iter().map(|&seen| u32::from(seen)).sum(),
             ..Tracked::default()
         };
         for (spot, is_on) in self.spots.iter().zip(is_on).filter(|(spot, _)| spot.counts) {
@@ -215,17 +290,15 @@ impl Contours {
         tracked
     }
 
-    /// Compares what was matched of a channel's curves; `truths` are of the same view, and `reference` is its number.
+    /// Compares what was matched of the channel's curves; `truths` are of the same view, and `reference` is its number.
     pub fn compared(
         &self,
         curves: CurvesView<'_>,
         matches: MatchesView<'_>,
         truths: &Truths<'_>,
         reference: usize,
-        variance: f32,
     ) -> Compared {
-        let near = near(variance);
-        let seen = self.seen(curves, near);
+        let seen = self.seen(curves);
         let mut is_matched = vec![false; seen.len()];
         let mut is_covered = vec![false; self.spots.len()];
         let mut out = Compared::default();
@@ -239,7 +312,7 @@ impl Contours {
                     orientation: curves.points[point.point as usize].orientation,
                 };
                 let mut best: Option<f32> = None;
-                for (spot, _) in self.around(across, near) {
+                for (spot, _) in self.around(across, self.near) {
                     let off = point.disparity - self.spots[spot].disparity;
                     is_covered[spot] |= off.abs() <= 2.0;
                     if best.is_none_or(|best| off.abs() < best.abs()) {
@@ -251,7 +324,7 @@ impl Contours {
                     continue;
                 };
                 let is_shadow = self
-                    .nearest(across, near)
+                    .nearest(across)
                     .is_some_and(|spot| spot.kind == ContourKind::Shadow);
                 out.points += 1;
                 out.over_two += u32::from(off.abs() > 2.0);
@@ -283,62 +356,59 @@ fn across(edge: &messages::Edge) -> Across {
     }
 }
 
-/// Adds a contour's points that have contrast; those of stretches that are long enough count.
-fn stretches(settings: &Settings, contour: &Contour, all: u32, spots: &mut Vec<Spot>) {
-    let points = &contour.points;
-    let Some(last) = points.len().checked_sub(1).filter(|&last| last > 0) else {
-        return;
-    };
-    let is_closed = points[0] == points[last];
-    // Round a closed contour, its last point is the first again.
-    let count = if is_closed { last } else { last + 1 };
-    let has_contrast = |at: usize| points[at].contrast >= settings.contrast;
-    // A closed contour begins behind a place without contrast, so that no stretch is cut.
-    let start = match is_closed {
-        true => (0..count).find(|&at| !has_contrast(at)).unwrap_or(0),
-        false => 0,
-    };
-    let at = |step: usize| match is_closed {
-        true => (start + step) % count,
-        false => step,
-    };
-    let away = |a: usize, b: usize| (points[a].x - points[b].x).hypot(points[a].y - points[b].y);
-    let steps: Vec<usize> = (0..count).collect();
-    for stretch in steps.chunk_by(|&a, &b| has_contrast(at(a)) == has_contrast(at(b))) {
-        if !has_contrast(at(stretch[0])) {
-            continue;
-        }
-        // A closed contour all of which has contrast has no ends.
-        let is_ring = is_closed && stretch.len() == count;
-        let beside = |step: usize, back: bool| {
-            let (first, last) = (stretch[0], stretch[stretch.len() - 1]);
-            let beside = match (back, is_ring) {
-                (true, true) => (step + count - 1) % count,
-                (false, true) => (step + 1) % count,
-                (true, false) => step.max(first + 1) - 1,
-                (false, false) => (step + 1).min(last),
-            };
-            at(beside)
+/// A contour's points in order, gone round from behind a point that is left out if it is closed.
+struct Course<'a> {
+    points: &'a [ContourPoint],
+    /// Which of them, in order.
+    order: Vec<usize>,
+    is_closed: bool,
+}
+
+impl<'a> Course<'a> {
+    fn of(points: &'a [ContourPoint], is_left_out: impl Fn(usize) -> bool) -> Self {
+        let last = points.len().saturating_sub(1);
+        // The last point of a closed contour is the first again.
+        let is_closed = last > 0 && points[0] == points[last];
+        let count = if is_closed { last } else { points.len() };
+        let start = match is_closed {
+            true => (0..count).find(|&at| is_left_out(at)).unwrap_or(0),
+            false => 0,
         };
-        let weight = |step: usize| {
-            (away(beside(step, true), at(step)) + away(at(step), beside(step, false))) / 2.0
-        };
-        let length: f32 = stretch.iter().map(|&step| weight(step)).sum();
-        for &step in stretch {
-            let point = &points[at(step)];
-            let [before, after] = [true, false].map(|back| &points[beside(step, back)]);
-            let (dx, dy) = (after.x - before.x, after.y - before.y);
-            let reach = dx.hypot(dy).max(f32::MIN_POSITIVE);
-            spots.push(Spot {
-                x: point.x,
-                y: point.y,
-                along: [dx / reach, dy / reach],
-                disparity: point.disparity,
-                weight: weight(step),
-                kind: contour.kind,
-                is_seen: point.seen & all == all,
-                counts: length >= LEAST_LENGTH,
-            });
+        Self {
+            points,
+            order: (start..count).chain(0..start).collect(),
+            is_closed,
         }
+    }
+
+    /// What lies before and after a step of the order, on the contour.
+    fn beside(&self, step: usize) -> [usize; 2] {
+        let count = self.order.len();
+        let [before, after] = match self.is_closed {
+            true => [(step + count - 1) % count, (step + 1) % count],
+            false => [step.saturating_sub(1), (step + 1).min(count - 1)],
+        };
+        [self.order[before], self.order[after]]
+    }
+
+    fn distance(&self, a: usize, b: usize) -> f32 {
+        let [a, b] = [a, b].map(|at| &self.points[at]);
+        (a.x - b.x).hypot(a.y - b.y)
+    }
+
+    /// Half the way to the point before, and half that to the point after.
+    fn weight(&self, step: usize) -> f32 {
+        let ways = self
+            .beside(step)
+            .map(|at| self.distance(at, self.order[step]));
+        (ways[0] + ways[1]) / 2.0
+    }
+
+    /// The direction at a step, a unit long.
+    fn along(&self, step: usize) -> [f32; 2] {
+        let [before, after] = self.beside(step).map(|at| &self.points[at]);
+        let (dx, dy) = (after.x - before.x, after.y - before.y);
+        let length = dx.hypot(dy).max(f32::MIN_POSITIVE);
+        [dx / length, dy / length]
     }
 }

@@ -21,7 +21,7 @@ pub mod node;
 use messages::{EvaluationRoom, MatchesView, NONE, PointsView, Score, Share, Size};
 
 pub use canny::Canny;
-pub use contours::{Compared, Contours, LEAST_LENGTH, SEEN_SHARE, Tracked, near};
+pub use contours::{Compared, Contours, LEAST_LENGTH, SEEN_SHARE, Tracked, merged, near};
 
 /// Columns, and for mismatches rows, within which a truth counts.
 pub const NEAR: i32 = 2;
@@ -42,8 +42,9 @@ messages::settings! {
         pub low: f32 = 40.0, in 0..=1000;
         /// Gradient that an edge must reach somewhere.
         pub high: f32 = 100.0, in 0..=1000;
-        /// Gray levels by which the sides of a true contour must differ, without noise and blur, where it counts.
-        pub contrast: f32 = 10.0, in 0..=255;
+        /// Gray levels by which the sides of a true contour must differ, without noise and blur, where it counts: of the
+        /// thesis's photographs it is what its LOW, 32 of 255, is of the strongest.
+        pub contrast: f32 = 16.0, in 0..=255;
     }
 }
 
