@@ -7,8 +7,8 @@ use matching::{ChannelView, Matcher};
 use messages::recording::{ReadError, Recording};
 use messages::settings::Settings;
 use messages::{
-    Calibration, Curves, Disparity, Edge, Edges, Evaluation, Image, Kind, Matches, Message, NONE,
-    Owned, Point, Points, Score, Share, Size, Tables, Topic, Truth,
+    Calibration, Curves, CurvesView, Disparity, Edge, Edges, Evaluation, Image, Kind, Matches,
+    MatchesView, Message, NONE, Owned, Point, Points, Score, Share, Size, Tables, Topic, Truth,
 };
 
 use crate::Failure;
@@ -203,6 +203,11 @@ impl Tabulated {
         }
     }
 
+    /// The curves of a view in a channel.
+    pub(crate) fn curves(&self, view: usize, channel: usize) -> CurvesView<'_> {
+        self.curves[self.views() * channel + view].view()
+    }
+
     /// How many views it has.
     pub(crate) fn views(&self) -> usize {
         self.images.len()
@@ -264,6 +269,11 @@ impl Matched {
     /// The result's points.
     pub(crate) fn points(&self) -> &[Point] {
         self.points.view().points
+    }
+
+    /// What was matched in a channel.
+    pub(crate) fn matches(&self, channel: usize) -> MatchesView<'_> {
+        self.matches[channel].view()
     }
 
     /// The surest points, as many as cover so much, compared with the truth of the reference view.

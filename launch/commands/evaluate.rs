@@ -1,5 +1,6 @@
 //! `tricurve evaluate`: scenes with ground truth, a line each: coverage, errors, mismatches.
 
+mod contours;
 mod scenes;
 mod text;
 
@@ -19,6 +20,7 @@ use crate::graph::{Graph, Overrides};
 use crate::offline::{Evaluated, Matched, Tabulated, settings};
 use crate::{Failure, Outcome};
 
+use contours::ContoursReport;
 pub(crate) use scenes::{Scene, Skipped, with_images, with_truth};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -126,7 +128,11 @@ fn evaluated(
     let (mut source, truth) = scene.open(graph, view)?;
     scene.say_look(graph, &mut source);
     let scan = Tabulated::of(graph, &mut source, scene.scan)?;
-    let mut evaluator = Evaluator::new(&settings(graph, "evaluate")?);
+    let of_evaluate: evaluate::Settings = settings(graph, "evaluate")?;
+    let mut evaluator = Evaluator::new(&of_evaluate);
+    let contours = source.contours(scene.scan, view);
+    let mut contours =
+        contours.map(|contours| ContoursReport::new(&of_evaluate, &contours, &scan, view));
     let settings = |method: Method| matching::Settings {
         method,
         reference: Reference::View(view as u32),
@@ -136,6 +142,9 @@ fn evaluated(
     for &method in methods {
         let matched = scan.matched(&settings(method));
         let result = matched.evaluated(&scan, &mut evaluator, view, &truth);
+        if let Some(contours) = &mut contours {
+            contours.compare(&matched, &scan, view, &truth);
+        }
         if method == Method::ThreeView && scene.views > 3 {
             gain = Some(Gain::of(
                 &scan,
@@ -157,6 +166,7 @@ fn evaluated(
         view,
         methods: results.into_iter().map(MethodReport::from).collect(),
         gain,
+        contours,
     })
 }
 
@@ -191,6 +201,9 @@ struct SceneReport {
     /// What more than three views are worth.
     #[serde(skip_serializing_if = "Option::is_none")]
     gain: Option<Gain>,
+    /// What curves and matches show of the true contours, of scenes that know them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    contours: Option<ContoursReport>,
 }
 
 /// All views beside the triple around the reference view, the surest points of each, as many as cover the same. Errors
@@ -249,6 +262,9 @@ struct Figures {
     bad_0_5: f32,
     bad_1: f32,
     bad_2: f32,
+    /// As `bad_1` and `bad_2`, with rows forgiven like columns along level contours.
+    bad_1_rows_too: f32,
+    bad_2_rows_too: f32,
     median: f32,
     points: u32,
     mismatches: u32,
@@ -268,6 +284,8 @@ struct MethodMean {
     bad_0_5: f64,
     bad_1: f64,
     bad_2: f64,
+    bad_1_rows_too: f64,
+    bad_2_rows_too: f64,
     median: f64,
     /// Sums over the scenes.
     points: u64,
@@ -277,11 +295,16 @@ struct MethodMean {
 
 impl From<&Score> for Figures {
     fn from(score: &Score) -> Self {
+        let share = |over: u32, forgiven: u32| {
+            (f64::from(over - forgiven.min(over)) / f64::from(score.points.max(1))) as f32
+        };
         Self {
             coverage: score.coverage,
             bad_0_5: score.bad_half,
             bad_1: score.bad_one,
             bad_2: score.bad_two,
+            bad_1_rows_too: share(score.over_one, score.forgiven_one),
+            bad_2_rows_too: share(score.over_two, score.forgiven_two),
             median: score.median,
             points: score.points,
             mismatches: score.mismatches,
@@ -355,6 +378,8 @@ fn mean(scenes: &[SceneReport], method: usize) -> MethodMean {
         bad_0_5: of(|f| f.bad_0_5),
         bad_1: of(|f| f.bad_1),
         bad_2: of(|f| f.bad_2),
+        bad_1_rows_too: of(|f| f.bad_1_rows_too),
+        bad_2_rows_too: of(|f| f.bad_2_rows_too),
         median: of(|f| f.median),
         points: results().map(|r| u64::from(r.result.points)).sum(),
         mismatches: results().map(|r| u64::from(r.result.mismatches)).sum(),

@@ -17,6 +17,7 @@ pub mod bus;
 pub mod calibration;
 #[cfg(any(feature = "bus", feature = "record"))]
 pub mod change;
+pub mod contour;
 pub mod contrast;
 pub mod door;
 pub mod header;
@@ -34,6 +35,7 @@ pub mod synchronisation;
 pub mod topic;
 
 pub use calibration::Calibration;
+pub use contour::{Contour, ContourKind, ContourPoint};
 pub use contrast::Contrast;
 pub use header::{Header, NONE, Size, Sway};
 pub use payload::{

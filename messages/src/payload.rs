@@ -237,6 +237,11 @@ pub struct Score {
     pub bad_two: f32,
     /// Median of the errors, in pixels.
     pub median: f32,
+    /// Points whose error exceeds one pixel and that are on a level contour and right by one pixel within three rows: where
+    /// rows are forgiven like columns these are no errors.
+    pub forgiven_one: u32,
+    /// The same by two pixels.
+    pub forgiven_two: u32,
 }
 
 /// A point of the curve of error over coverage: what the surest points amount to.

@@ -7,7 +7,7 @@ use matching::Method;
 use super::{Figures, Gain, Report, SceneReport};
 
 /// What a method is called.
-fn name(method: Method) -> &'static str {
+pub(super) fn name(method: Method) -> &'static str {
     match method {
         Method::ThreeView => "three-view",
         Method::TwoView => "two-view",
@@ -16,7 +16,7 @@ fn name(method: Method) -> &'static str {
 }
 
 /// Names are as long as the longest.
-fn width(report: &Report) -> usize {
+pub(super) fn width(report: &Report) -> usize {
     let names = report.scenes.iter().map(|scene| scene.name.chars().count());
     names.max().unwrap_or(0).max("scene".len())
 }
@@ -30,6 +30,7 @@ pub(super) fn of(report: &Report) -> String {
     if report.methods.len() > 1 {
         mismatches(report, &mut text);
     }
+    super::contours::text(report, &mut text);
     for skipped in &report.skipped {
         writeln!(text, "skipped: {}: {}", skipped.name, skipped.why).unwrap_or_default();
     }
@@ -42,16 +43,25 @@ fn figures(report: &Report, at: usize, method: Method, text: &mut String) {
     writeln!(text, "{title}").unwrap_or_default();
     writeln!(
         text,
-        "{:<width$} {:>8} {:>9} {:>7} {:>7} {:>9} {:>8} {:>10}",
-        "scene", "coverage", "bad-0.5 %", "bad-1 %", "bad-2 %", "median px", "points", "mismatches"
+        "{:<width$} {:>8} {:>9} {:>7} {:>7} {:>9} {:>8} {:>10} | {:>7} {:>7}",
+        "scene",
+        "coverage",
+        "bad-0.5 %",
+        "bad-1 %",
+        "bad-2 %",
+        "median px",
+        "points",
+        "mismatches",
+        "bad-1 %",
+        "bad-2 %"
     )
     .unwrap_or_default();
-    let mut line = |name: &str, [coverage, half, one, two, median]: [f64; 5], counts: [u64; 2]| {
-        let [half, one, two] = [half, one, two].map(|share| 100.0 * share);
+    let mut line = |name: &str, [coverage, median]: [f64; 2], bad: [f64; 5], counts: [u64; 2]| {
+        let [half, one, two, fair_one, fair_two] = bad.map(|share| 100.0 * share);
         let [points, mismatches] = counts;
         writeln!(
             text,
-            "{name:<width$} {coverage:>8.3} {half:>9.2} {one:>7.2} {two:>7.2} {median:>9.3} {points:>8} {mismatches:>10}"
+            "{name:<width$} {coverage:>8.3} {half:>9.2} {one:>7.2} {two:>7.2} {median:>9.3} {points:>8} {mismatches:>10} | {fair_one:>7.2} {fair_two:>7.2}"
         )
         .unwrap_or_default();
     };
@@ -61,27 +71,40 @@ fn figures(report: &Report, at: usize, method: Method, text: &mut String) {
             bad_0_5,
             bad_1,
             bad_2,
+            bad_1_rows_too,
+            bad_2_rows_too,
             median,
             points,
             mismatches,
         } = scene.methods[at].result;
-        let values = [coverage, bad_0_5, bad_1, bad_2, median].map(f64::from);
-        line(&scene.name, values, [points, mismatches].map(u64::from));
+        let bad = [bad_0_5, bad_1, bad_2, bad_1_rows_too, bad_2_rows_too];
+        line(
+            &scene.name,
+            [coverage, median].map(f64::from),
+            bad.map(f64::from),
+            [points, mismatches].map(u64::from),
+        );
     }
     let mean = &report.mean[at];
     if report.scenes.len() > 1 {
         line(
             "mean",
+            [mean.coverage, mean.median],
             [
-                mean.coverage,
                 mean.bad_0_5,
                 mean.bad_1,
                 mean.bad_2,
-                mean.median,
+                mean.bad_1_rows_too,
+                mean.bad_2_rows_too,
             ],
             [mean.points, mean.mismatches].map(|sum| sum / report.scenes.len() as u64),
         );
     }
+    writeln!(
+        text,
+        "left of the bar a truth counts within two columns (score.py's rule), right of it also within three rows along level contours"
+    )
+    .unwrap_or_default();
     writeln!(
         text,
         "\nthe surest points, mean: share kept, coverage, bad-1 %"

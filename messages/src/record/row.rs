@@ -153,6 +153,8 @@ row! { Score {
     bad_one: Float32 = bad_one,
     bad_two: Float32 = bad_two,
     median: Float32 = median,
+    forgiven_one: Uint32 = forgiven_one,
+    forgiven_two: Uint32 = forgiven_two,
 } }
 
 row! { Share {

@@ -1,15 +1,17 @@
 //! Writes what the rendered scenes show, for people to look at.
 //!
 //! `cargo run --release -p capture --example render -- FOLDER [NOISE [SOURCE]]` writes per scene and position the picture, the
-//! true disparity (bright is near) and, in black, what not all three views see.
+//! true disparity (bright is near) and, in black, what not all three views see; and of the thesis's photographs the true
+//! contours, a line a point.
 
 use std::error::Error;
+use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
 use capture::{Settings, Source};
 use image::ColorType;
-use messages::{Image, Owned};
+use messages::{Contour, Image, Owned};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -65,6 +67,10 @@ fn main() -> Result<(), Box<dyn Error>> {
                 .map(|&v| if v { 255 } else { 0 })
                 .collect();
             save(format!("{}{view}_visible.png", source.name(scan)), &visible)?;
+            if let Some(contours) = source.contours(scan, view) {
+                let name = format!("{}{view}_contours.csv", source.name(scan));
+                std::fs::write(Path::new(&folder).join(name), table(&contours))?;
+            }
         }
         let name = source.name(scan);
         eprintln!(
@@ -73,4 +79,21 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
     }
     Ok(())
+}
+
+/// Contours as comma-separated values.
+fn table(contours: &[Contour]) -> String {
+    let mut text = "contour,kind,x,y,disparity,contrast,seen\n".to_owned();
+    for (number, contour) in contours.iter().enumerate() {
+        for point in &contour.points {
+            let (kind, seen) = (contour.kind, point.seen);
+            let (x, y, disparity, contrast) = (point.x, point.y, point.disparity, point.contrast);
+            writeln!(
+                text,
+                "{number},{kind:?},{x:.3},{y:.3},{disparity:.3},{contrast:.1},{seen}"
+            )
+            .unwrap_or_default();
+        }
+    }
+    text
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use messages::settings::{self, Settings as _};
 use messages::synchronisation::Synchronisation;
-use messages::{Calibration, ImageRoom, RawRoom, Size, Sway};
+use messages::{Calibration, Contour, ImageRoom, RawRoom, Size, Sway};
 
 use crate::bag::{self, Bag};
 use crate::calibration::plausible::{self, Doubt, metres};
@@ -826,6 +826,18 @@ impl Source {
             Kind::Bag(bag) => bag.len() as u64,
             #[cfg(feature = "node")]
             Kind::Cameras(_) => 1,
+        }
+    }
+
+    /// The true contours of a chosen view of a scan, of the thesis's photographs.
+    ///
+    /// # Panics
+    /// When there is no such view.
+    pub fn contours(&self, scan: u64, view: usize) -> Option<Vec<Contour>> {
+        let (scene, view) = self.place(scan, view);
+        match (&self.kind, &self.rail) {
+            (Kind::Rendered { scenes, .. }, None) => scenes[scene].contours(view),
+            _ => None,
         }
     }
 

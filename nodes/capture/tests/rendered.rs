@@ -246,7 +246,7 @@ fn the_bars_of_the_fence_are_as_near_as_its_plane_and_stand_before_unequal_depth
 
 #[test]
 fn the_same_scan_and_view_gives_the_same_bytes_in_any_order_and_process() {
-    for object in ["scene:tab", "scene:fence"] {
+    for object in ["scene:tab", "scene:fence", "scene:thesis-jack"] {
         let mut source = open(object, |_| ());
         let first = read(&mut source, 7, 1);
         read(&mut source, 2, 0);

@@ -4,6 +4,7 @@
 //! Everything that is seen belongs to a surface's point and not to who looks: textures, shadows and sheen agree in all
 //! views, and the true disparity of a pixel is that of the point its middle sees.
 
+mod contour;
 mod fence;
 mod jack;
 mod lettering;
@@ -16,7 +17,7 @@ mod thesis;
 
 use std::sync::OnceLock;
 
-use messages::Size;
+use messages::{Contour, Size};
 
 use crate::camera_info::Known;
 use crate::truth::Truth;
@@ -178,11 +179,17 @@ impl Rendered {
     }
 
     pub(crate) fn truth(&self, view: usize) -> Truth {
-        let positions: Vec<f32> = self
-            .positions
-            .iter()
-            .map(|&position| position as f32)
-            .collect();
-        self.scene().truth(&positions, view)
+        self.scene().truth(&self.places(), view)
+    }
+
+    /// The true contours of a chosen view, of scenes that show nothing else: textures have none.
+    pub(crate) fn contours(&self, view: usize) -> Option<Vec<Contour>> {
+        let is_plain = matches!(self.object, Object::Thesis { .. });
+        is_plain.then(|| contour::contours(self.scene(), &self.places(), view))
+    }
+
+    fn places(&self) -> Vec<f32> {
+        let places = self.positions.iter().map(|&position| position as f32);
+        places.collect()
     }
 }

@@ -101,14 +101,14 @@ impl Camera {
 
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug)]
-struct Hit {
+pub(super) struct Hit {
     /// Along the optical axis, in millimetres.
-    depth: f32,
+    pub(super) depth: f32,
     point: Vec3,
-    normal: Vec3,
+    pub(super) normal: Vec3,
     place: Vec3,
     /// 0 is the table.
-    surface: u32,
+    pub(super) surface: u32,
     paint: Paint,
 }
 
@@ -237,6 +237,8 @@ struct Direct {
     facing: f32,
     /// Share of the lamp that is seen from there.
     share: f32,
+    /// Share of what it faces of the lamp that something hides.
+    hidden: f32,
 }
 
 /// A part in its place. Rays are cast in the part's own coordinates, along whose axes its facets' boxes are tight.
@@ -471,35 +473,46 @@ impl Scene {
             return Direct {
                 facing: facing.max(0.0),
                 share,
+                hidden: 1.0 - share,
             };
         }
-        let (mut sum, mut seen) = (0.0, 0);
+        let (mut sum, mut faced, mut seen) = (0.0, 0, 0);
         if facing > -radius {
             for &direction in directions {
                 let facing = hit.normal.dot(direction);
-                if facing > 0.0 && sees(direction) {
-                    sum += facing;
-                    seen += 1;
+                if facing > 0.0 {
+                    faced += 1;
+                    if sees(direction) {
+                        sum += facing;
+                        seen += 1;
+                    }
                 }
             }
         }
         Direct {
             facing: sum / seen.max(1) as f32,
             share: seen as f32 / directions.len() as f32,
+            hidden: match faced {
+                0 => 0.0,
+                _ => 1.0 - seen as f32 / faced as f32,
+            },
         }
     }
 
     /// The gray level, 0 to 255, of a place of a surface, and the share of the lamp that reaches it. Nothing here
     /// depends on the view.
-    fn gray(&self, hit: &Hit) -> (f32, f32) {
+    pub(super) fn gray(&self, hit: &Hit) -> (f32, f32) {
         let lamp = self.lamp.towards;
         let towards = (self.camera.middle - hit.point).normalize();
-        let detail = self.camera.focal / hit.depth * hit.normal.dot(towards).max(0.15);
-        let Finish { albedo, sheen, .. } = (hit.paint)(hit.place, detail);
+        let Finish { albedo, sheen, .. } = self.finish(hit);
         let (direct, sky) = if hit.surface == 0 {
             let [share, sky] = self.light.at(hit.point);
-            let facing = hit.normal.dot(lamp).max(0.0);
-            (Direct { facing, share }, sky)
+            let direct = Direct {
+                facing: hit.normal.dot(lamp).max(0.0),
+                share,
+                hidden: 1.0 - share,
+            };
+            (direct, sky)
         } else {
             // Near the table little sky is left.
             let height = 1.0 - 0.45 * (-hit.point.z / 9.0).exp();
@@ -513,8 +526,47 @@ impl Scene {
         (gray, direct.share)
     }
 
+    /// What a place of a picture shows.
+    pub(super) fn seen(&self, position: f32, x: f32, y: f32, cover: &Cover) -> Hit {
+        self.hit(&self.camera.ray(position, x, y), cover.at(x, y))
+    }
+
+    /// How a place of a surface answers to light.
+    pub(super) fn finish(&self, hit: &Hit) -> Finish {
+        let towards = (self.camera.middle - hit.point).normalize();
+        let detail = self.camera.focal / hit.depth * hit.normal.dot(towards).max(0.15);
+        (hit.paint)(hit.place, detail)
+    }
+
+    /// Whether a shadow falls on a place of a surface: at least half of what it faces of the lamp is hidden. What is
+    /// turned away is in none.
+    pub(super) fn is_in_shadow(&self, hit: &Hit) -> bool {
+        let hidden = match hit.surface {
+            0 => 1.0 - self.light.at(hit.point)[0],
+            _ => self.direct(hit).hidden,
+        };
+        hidden >= 0.5
+    }
+
+    /// Which solid a surface is of, counted from 1; 0 is the table.
+    pub(super) fn solid_of(&self, surface: u32) -> u32 {
+        let before = self.solids.iter().filter(|s| s.first_surface <= surface);
+        before.count() as u32
+    }
+
+    /// Where a picture taken elsewhere shows what this one shows at a place and depth.
+    pub(super) fn moved(&self, from: f32, to: f32, x: f32, y: f32, depth: f32) -> Vec2 {
+        let point = self.camera.ray(from, x, y).point_at(depth);
+        self.camera.project(to, point)
+    }
+
+    /// The disparity of a depth, between neighbours of these positions.
+    pub(super) fn disparity(&self, positions: &[f32], depth: f32) -> f32 {
+        self.camera.focal * self.camera.step * (positions[1] - positions[0]) / depth
+    }
+
     /// Which parts of a picture a solid may be in.
-    fn cover(&self, position: f32) -> Cover {
+    pub(super) fn cover(&self, position: f32) -> Cover {
         let mut cover = Cover {
             tiles: vec![false; Cover::COLUMNS * Cover::ROWS],
         };
@@ -537,7 +589,7 @@ impl Scene {
         let (width, height) = (SIZE.width as usize, SIZE.height as usize);
         let cover = self.cover(position);
         let look = |x: f32, y: f32| {
-            let hit = self.hit(&self.camera.ray(position, x, y), cover.at(x, y));
+            let hit = self.seen(position, x, y, &cover);
             let (gray, lamp) = self.gray(&hit);
             Look {
                 gray,
@@ -579,11 +631,8 @@ impl Scene {
     pub(crate) fn truth(&self, positions: &[f32], view: usize) -> Truth {
         let (width, height) = (SIZE.width as f32, SIZE.height as f32);
         let cover = self.cover(positions[view]);
-        let base = self.camera.focal * self.camera.step * (positions[1] - positions[0]);
         let seen = in_bands(|x, y| {
-            let (x, y) = (x as f32, y as f32);
-            let ray = self.camera.ray(positions[view], x, y);
-            let Hit { depth, point, .. } = self.hit(&ray, cover.at(x, y));
+            let Hit { depth, point, .. } = self.seen(positions[view], x as f32, y as f32, &cover);
             let sees = |&position: &f32| {
                 let there = self.camera.project(position, point);
                 let eye = self.camera.eye(position);
@@ -599,7 +648,8 @@ impl Scene {
                 .iter()
                 .enumerate()
                 .filter(|(other, _)| *other != view);
-            (base / depth, others.map(|(_, position)| position).all(sees))
+            let disparity = self.disparity(positions, depth);
+            (disparity, others.map(|(_, position)| position).all(sees))
         });
         let (disparity, visible) = seen.into_iter().unzip();
         Truth {
@@ -611,7 +661,7 @@ impl Scene {
 }
 
 /// Makes a picture of anything, pixel by pixel, in bands that the machine's cores share.
-fn in_bands<T: Send>(make: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
+pub(super) fn in_bands<T: Send>(make: impl Fn(usize, usize) -> T + Sync) -> Vec<T> {
     const BANDS: usize = 8;
     let (width, height) = (SIZE.width as usize, SIZE.height as usize);
     let band = |band: usize| {
@@ -658,7 +708,7 @@ fn blurred(picture: &[f32], deviation: f32) -> Vec<f32> {
 
 /// The tiles of a picture that a solid may be in: most of it shows the table, and need not be searched.
 #[derive(Clone, Debug)]
-struct Cover {
+pub(super) struct Cover {
     tiles: Vec<bool>,
 }
 

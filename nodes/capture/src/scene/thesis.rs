@@ -32,7 +32,7 @@ const ROWS_LOWER: [f32; 3] = [0.0, 1.0, -1.0];
 
 /// Where the lamp is, and half its width as the sine of an angle.
 const LAMP: Vec3 = Vec3::new(-0.46, -0.34, 0.82);
-const LAMP_RADIUS: f32 = 0.07;
+const LAMP_RADIUS: f32 = 0.04;
 
 pub(crate) fn scene(object: Object, is_misaligned: bool) -> Scene {
     let camera = |distance: f32, degrees: f32| {
