@@ -181,7 +181,7 @@ impl Settings {
             initial_disparity: Some(32.0),
             window_widths: 1.5,
             window_rows: 24.0,
-            score: 0.7,
+            score: 0.6,
             orientation_tolerance: 10.0,
             filling: Filling::Along,
             ..Self::default()
