@@ -612,6 +612,9 @@ pub(crate) struct Tune {
     /// Set one key of one node
     #[arg(long = "set", value_name = "NODE.KEY=VALUE")]
     pub(crate) set: Vec<String>,
+    /// Draw the sweep: a cell a combination, the first two settings across and down
+    #[arg(long, value_name = "FILE.svg")]
+    pub(crate) picture: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,

@@ -117,6 +117,38 @@ impl Tabulated {
         Ok(tabulated)
     }
 
+    /// HIGH and LOW as the tracker would choose them for the finest channel of a view, in the units of the graph's filter.
+    pub(crate) fn automatic_thresholds(
+        &self,
+        graph: &Graph,
+        view: usize,
+    ) -> Result<[f64; 2], Failure> {
+        let own: filter::Settings = settings(graph, "filter")?;
+        let absolute = filter::Settings {
+            scaling: filter::Scaling::Absolute,
+            ..own.clone()
+        };
+        let mut edges = Owned::<Edges>::new(self.size);
+        let mut filter = filter::Filter::new(&absolute, self.size);
+        filter.begin(self.images[view].view(), self.size);
+        edges.fill(|room| {
+            room.clear();
+            filter.edges(self.channels.len() - 1, room);
+        });
+        let mut magnitudes = track::Histogram::new();
+        let mut largest: f32 = 0.0;
+        for edge in edges.view().edges {
+            magnitudes.add(edge.magnitude);
+            largest = largest.max(edge.magnitude);
+        }
+        let found = track::Thresholds::new(&track::Settings::default(), &magnitudes);
+        let unit = match own.scaling {
+            filter::Scaling::Picture if largest > 0.0 => 255.0 / largest,
+            _ => 1.0,
+        };
+        Ok([found.high, found.low].map(|threshold| f64::from(unit * threshold)))
+    }
+
     /// Reads from a recording what was recorded of a scan as far as its R-tables, and the truth of the reference view.
     ///
     /// # Errors

@@ -139,7 +139,7 @@ fn whole(number: &Number) -> Value {
 }
 
 /// Whether two values mean the same: 1 is 1.0.
-fn is_same(one: &Value, other: &Value) -> bool {
+pub(crate) fn is_same(one: &Value, other: &Value) -> bool {
     match (one, other) {
         (Value::Number(one), Value::Number(other)) => one.as_f64() == other.as_f64(),
         _ => one == other,

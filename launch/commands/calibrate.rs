@@ -111,6 +111,9 @@ fn tell(shots: &Shots, board: &Board, args: &Args) {
             args.folder.display()
         );
     }
+    for left_out in &shots.left_out {
+        crate::say!("tricurve: {left_out}");
+    }
     if shots.is_by_order {
         crate::say!(
             "tricurve: no two images have a number or name in common: they are put together by their order"

@@ -4,6 +4,7 @@
 //! triple contradict each other.
 
 mod agreement;
+mod picture;
 mod sweep;
 
 use std::fmt::Write as _;
@@ -12,6 +13,7 @@ use evaluate::Evaluator;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use super::calibrate::write;
 use super::evaluate::{Scene, Skipped, each, good, progress, with_images, with_truth};
 use crate::cli::Tune as Args;
 use crate::graph::{Graph, Overrides};
@@ -19,6 +21,7 @@ use crate::offline::{Tabulated, settings};
 use crate::{Failure, Outcome};
 
 use agreement::disagreement;
+use picture::Marks;
 use sweep::{Axis, combinations};
 
 /// What is swept when nothing is said: what moves most along the front of the default settings.
@@ -58,11 +61,37 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let by_scene = good(&scenes, results, &mut skipped)?;
     let report = Report::new(&axes, combinations, &by_scene, skipped);
+    if let Some(path) = &args.picture {
+        let first = by_scene.iter().filter_map(|scene| scene.first());
+        let automatic: Vec<[f64; 2]> = first.map(|measured| measured.automatic).collect();
+        let marks = marks(args, &base, &axes, &automatic)?;
+        write(path, &picture::svg(&axes, &report.combinations, &marks))?;
+    }
     match args.json {
         true => super::print_json(&report)?,
         false => super::print(&report.text())?,
     }
     Ok(Outcome::Done)
+}
+
+/// What a picture of the sweep marks: the settings without it, and where the automatic thresholds lie, if those are swept.
+fn marks(
+    args: &Args,
+    base: &Overrides,
+    axes: &[Axis],
+    automatic: &[[f64; 2]],
+) -> Result<Marks, Failure> {
+    let graph = Graph::load(None, args.profile, base)?;
+    let set = |axis: &Axis| graph.settings_of(&axis.node)[&axis.key].clone();
+    let swept: Vec<String> = axes.iter().take(2).map(Axis::name).collect();
+    let mean = |which: usize| {
+        let sum: f64 = automatic.iter().map(|thresholds| thresholds[which]).sum();
+        sum / automatic.len().max(1) as f64
+    };
+    Ok(Marks {
+        set: axes.iter().map(set).collect(),
+        automatic: (swept == ["track.high", "track.low"]).then(|| [mean(0), mean(1)]),
+    })
 }
 
 fn axes_of(axes: Vec<Result<Axis, String>>) -> Result<Vec<Axis>, Failure> {
@@ -99,13 +128,21 @@ struct Measured {
     coverage: f64,
     /// Share of the points that are off by over a pixel, where the truth is known.
     bad_1: Option<f64>,
+    /// Points off by over two pixels, where the truth is known.
+    mismatches: Option<u32>,
     /// Share of the points that the other reference view contradicts.
     contradicted: f64,
+    /// The automatic HIGH and LOW of the finest channel, in the units of its magnitudes.
+    automatic: [f64; 2],
 }
 
 /// Measures a scene with every combination. What comes before matching is done once where it is the same.
 fn measure(graphs: &[Graph], scene: &Scene, has_truth: bool) -> Result<Vec<Measured>, Failure> {
     let mut before: Option<(Vec<Value>, Tabulated)> = None;
+    let mut automatic = [0.0; 2];
+    // Opened once: what is swept comes after it.
+    let mut source = scene.source(&graphs[0])?;
+    scene.say_look(&graphs[0], &mut source);
     let view = graphs[0].reference(scene.views)?;
     let truth = match has_truth {
         true => Some(scene.open(&graphs[0], view)?.1),
@@ -115,11 +152,10 @@ fn measure(graphs: &[Graph], scene: &Scene, has_truth: bool) -> Result<Vec<Measu
     for graph in graphs {
         let stages = ["filter", "track", "hough"].map(|node| graph.settings_of(node).clone());
         if !before.as_ref().is_some_and(|(known, _)| *known == stages) {
-            let mut source = scene.source(graph)?;
-            if before.is_none() {
-                scene.say_look(graph, &mut source);
-            }
             let scan = Tabulated::of(graph, &mut source, scene.scan)?;
+            if before.is_none() {
+                automatic = scan.automatic_thresholds(graph, view)?;
+            }
             before = Some((stages.to_vec(), scan));
         }
         let Some((_, scan)) = &before else {
@@ -137,6 +173,8 @@ fn measure(graphs: &[Graph], scene: &Scene, has_truth: bool) -> Result<Vec<Measu
         measured.push(Measured {
             coverage: score.coverage.into(),
             bad_1: has_truth.then_some(score.bad_one.into()),
+            mismatches: has_truth.then_some(score.mismatches),
+            automatic,
             contradicted: disagreement(
                 matched.points(),
                 other.points(),
@@ -169,6 +207,9 @@ struct Line {
     coverage: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     bad_1: Option<f64>,
+    /// Of all scenes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mismatches: Option<u32>,
     contradicted: f64,
     /// Whether no other combination covers as much with fewer errors.
     on_front: bool,
@@ -196,6 +237,7 @@ impl Report {
             values,
             coverage: mean(at, |m| m.coverage),
             bad_1: has_truth.then(|| mean(at, |m| m.bad_1.unwrap_or_default())),
+            mismatches: by_scene.iter().map(|scene| scene[at].mismatches).sum(),
             contradicted: mean(at, |m| m.contradicted),
             on_front: false,
         };
@@ -295,7 +337,9 @@ mod tests {
         let of = |coverage: f64, bad: f64| Measured {
             coverage,
             bad_1: Some(bad),
+            mismatches: Some(0),
             contradicted: bad,
+            automatic: [1.0, 0.5],
         };
         let scene = vec![of(0.5, 0.01), of(0.6, 0.02), of(0.55, 0.03), of(0.6, 0.02)];
         let values = vec![vec![]; 4];

@@ -46,6 +46,10 @@ impl Axis {
     pub(super) fn name(&self) -> String {
         format!("{}.{}", self.node, self.key)
     }
+
+    pub(super) fn values(&self) -> &[Value] {
+        &self.values
+    }
 }
 
 /// Every combination of the axes' values.

@@ -71,7 +71,15 @@ pub(crate) fn read(
     let mut infos = Vec::new();
     for path in calibration::paths(files) {
         let text = text::read(&path)?;
-        let found = text::documents(&text).and_then(|documents| ros::infos(&documents));
+        let found = text::documents(&text).and_then(|documents| {
+            let found = ros::infos(&documents)?;
+            // KITTI's projections are of images of any size.
+            let needs_size = documents.iter().any(ros::is_message);
+            match found.iter().any(|info| needs_size && info.size.is_none()) {
+                true => Err("the key image_width of a ROS camera_info file is missing".to_owned()),
+                false => Ok(found),
+            }
+        });
         infos.extend(found.map_err(|why| wrong(&path, why))?);
     }
     of(&infos, views, sizes, is_said).map_err(|why| wrong(Path::new(files), why))
@@ -95,7 +103,7 @@ pub(crate) fn of(
     }
     if infos.len() > 1 && infos.len() != views {
         return Err(format!(
-            "it describes {} cameras, and there are {views} views: give the camera_info of the camera next to the first, or one a view, left to right",
+            "it describes {} cameras, and there are {views} views: give the camera_info of the camera next to the first, or one a view, left to right; of a file of more cameras leave in it only those",
             infos.len()
         ));
     }
@@ -103,11 +111,10 @@ pub(crate) fn of(
     let mut projections: Vec<Projection> = Vec::new();
     for (view, info) in infos.iter().enumerate() {
         let name = info.called(view);
-        let calibrated = info
-            .size
-            .ok_or_else(|| "the key image_width of a ROS camera_info file is missing".to_owned())?;
+        let calibrated = info.size.or(sizes.first().copied()).unwrap_or_default();
         let own = info.projection(&name)?;
-        if let Some(size) = sizes.iter().find(|&&size| size != calibrated) {
+        let differs = sizes.iter().find(|&&size| size != calibrated);
+        if let Some(size) = differs.filter(|_| info.size.is_some()) {
             return Err(format!(
                 "{name} is for images of {calibrated} pixels, and these are {size}"
             ));

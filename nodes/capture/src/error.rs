@@ -68,13 +68,27 @@ pub enum SourceError {
     #[error(
         "{} holds no images{}; expected are PNG, JPEG, PGM, PPM, TIFF, BMP or WebP files, or folders of them",
         path.display(),
-        match others { 0 => String::new(), 1 => ", only one other file".to_owned(), n => format!(", only {n} other files") }
+        match others { 0 => String::new(), 1 => format!(", only one other file{}", of(endings)), n => format!(", only {n} other files{}", of(endings)) }
     )]
     Empty {
         /// The folder.
         path: PathBuf,
         /// How many files of other types there are.
         others: usize,
+        /// Their endings.
+        endings: Vec<String>,
+    },
+
+    /// Images in folders of several folders.
+    #[error(
+        "{} holds images only in folders of several folders ({}): give the one whose folders or images are those of one recording",
+        path.display(), some(folders)
+    )]
+    Deep {
+        /// The folder.
+        path: PathBuf,
+        /// Of each folder in it that holds images, one that does.
+        folders: Vec<String>,
     },
 
     /// A layout that a folder does not have.
@@ -294,9 +308,13 @@ pub enum SourceError {
 
     /// Views of one scene that differ in size.
     #[error(
-        "{} is {size} pixels and {} is {expected}; the views of one scene must be of one size",
+        "{} is {size} pixels and {} is {expected}; the views of one scene must be of one size{}",
         path.display(),
-        first.display()
+        first.display(),
+        match [size.width, size.height] == [expected.height, expected.width] {
+            true => " and one way up: is one turned by 90°, or does it say so of itself (EXIF orientation)?",
+            false => "",
+        }
     )]
     SizeDiffers {
         /// The file.
@@ -598,6 +616,7 @@ impl SourceError {
                 | Self::NothingRectified
                 | Self::Layout { .. }
                 | Self::TwoLayouts { .. }
+                | Self::Deep { .. }
                 | Self::Side { .. }
                 | Self::RailOfRig { .. }
                 | Self::RailLayout
@@ -625,6 +644,7 @@ impl SourceError {
             self,
             Self::Layout { .. }
                 | Self::TwoLayouts { .. }
+                | Self::Deep { .. }
                 | Self::Side { .. }
                 | Self::TooFewCameras { .. }
                 | Self::NeverTogether { .. }
@@ -650,6 +670,14 @@ fn some(names: &[String]) -> String {
     match names.len() {
         0..=SHOWN => shown,
         _ => format!("{shown}, …"),
+    }
+}
+
+/// The endings of files, in brackets.
+fn of(endings: &[String]) -> String {
+    match endings {
+        [] => String::new(),
+        endings => format!(" ({})", some(endings)),
     }
 }
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use messages::Size;
 
+use crate::aside::{self, Aside};
 use crate::description::Description;
 use crate::error::SourceError;
 use crate::image_file::{self, Head};
@@ -161,7 +162,8 @@ pub(crate) struct Listing {
     /// In the order of views.
     pub(crate) images: Vec<PathBuf>,
     pub(crate) folders: Vec<PathBuf>,
-    pub(crate) others: usize,
+    /// What is neither.
+    pub(crate) aside: Aside,
 }
 
 impl Listing {
@@ -171,13 +173,20 @@ impl Listing {
             let path = entry.map_err(SourceError::io(folder))?.path();
             let is_hidden = path
                 .file_name()
-                .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+                .is_some_and(|name| aside::is_hidden(&name.to_string_lossy()));
             match () {
                 () if is_hidden => {}
                 () if path.is_dir() => listing.folders.push(path),
                 () if image_file::is_image(&path) => listing.images.push(path),
-                () => listing.others += 1,
+                () => listing.aside.add_other(path),
             }
+        }
+        listing.images.sort();
+        // What is described says itself what is a view.
+        if !is_described(folder)? {
+            listing.aside.take_images(&mut listing.images);
+            let has_images = !listing.images.is_empty();
+            listing.aside.take_folders(&mut listing.folders, has_images);
         }
         names::sort_cameras(&mut listing.images, |image| layout::stem(image));
         names::sort(&mut listing.folders, |folder| name(folder));
@@ -212,7 +221,7 @@ pub(crate) fn open(
         .then_some(Layout::Rail)
         .filter(|_| is_described(folder).unwrap_or_default()));
     let table = Table::read(folder, said)?;
-    let (mut notices, mut warnings) = (Vec::new(), Vec::new());
+    let (mut notices, mut warnings) = (table.aside.sentences(folder), Vec::new());
     match (table.ignored, table.layout) {
         (0, _) => {}
         (ignored, layout) => warnings.push(format!(
@@ -253,10 +262,21 @@ pub(crate) fn open(
     let Some(first) = albums.first_mut() else {
         return Err(SourceError::Empty {
             path: folder.to_owned(),
-            others: table.others,
+            others: table.aside.others(),
+            endings: table.aside.endings(),
         });
     };
-    first.others = table.others.saturating_sub(usize::from(first.is_described));
+    let several = |shot: &&Shot| image_file::holds_more(&shot.path);
+    if let Some(shot) = first.shots.iter().find(several) {
+        warnings.push(format!(
+            "{} holds several pictures, of which the first is taken: save each in a file of its own",
+            shot.file(folder)
+        ));
+    }
+    first.others = table
+        .aside
+        .others()
+        .saturating_sub(usize::from(first.is_described));
     let expected = first.shots.len();
     if let Some(album) = albums.iter().find(|album| album.shots.len() != expected) {
         return Err(SourceError::ViewCount {
@@ -302,6 +322,14 @@ fn in_turn(
             layout: table.layout,
             cameras: table.cameras.clone(),
             times: table.times.len(),
+        });
+    }
+    if let Some(name) = names::without_side(&table.cameras)
+        && *asked == Views::These(Vec::new())
+    {
+        return Err(SourceError::Side {
+            path: table.folder.clone(),
+            name: name.clone(),
         });
     }
     let choice = Choice::among(asked, count, None);
@@ -431,7 +459,7 @@ fn album(
     mode: Mode,
 ) -> Result<Option<Album>, SourceError> {
     let described = Description::read(folder)?;
-    let others = listing.others - usize::from(described.is_some());
+    let others = listing.aside.others() - usize::from(described.is_some());
     let is_described = described.is_some();
     let (files, positions, triple, truths) = match described {
         Some(own) => (
@@ -522,7 +550,7 @@ fn unsided(listing: &Listing) -> Option<String> {
         .iter()
         .map(|image| layout::stem(image))
         .collect();
-    let stem = names::beside_sides(&stems)?;
+    let stem = names::without_side(&stems)?;
     let image = listing
         .images
         .iter()

@@ -30,6 +30,12 @@ pub(crate) fn is_image(path: &Path) -> bool {
     ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
 }
 
+/// Whether a file holds several pictures, of which only the first is read.
+pub(crate) fn holds_more(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    matches!(ending.to_lowercase().as_str(), "tif" | "tiff") && numbers::holds_more(path)
+}
+
 /// What an image's head says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Head {

@@ -13,6 +13,7 @@
 //! wanted, always the same bytes: what was lost with a node that died is simply read again.
 
 pub mod alignment;
+mod aside;
 mod bag;
 #[cfg(feature = "calibrate")]
 pub mod calibrate;

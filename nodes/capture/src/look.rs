@@ -18,6 +18,8 @@ use crate::alignment::{Followed, Ready, quantile, rows};
 const LONGEST: u32 = 1000;
 /// Corners that are sought in a view, about.
 const CORNERS: f64 = 240.0;
+/// So many times as many are sought where those do not tell.
+const EVERYWHERE: f64 = 6.0;
 /// Pairs of views that get as many; of more views each pair gets fewer.
 const PAIRS: usize = 3;
 /// The least correlation of what is taken for the same on the coarsest level …
@@ -365,8 +367,16 @@ impl<'a> Sight<'a> {
     }
 
     fn pair(&self, views: [usize; 2], strictly: bool) -> Between {
+        let found = self.pair_of(views, strictly, self.corners);
+        // Where there is little to see it is sought everywhere; what that does not tell either stays as it was found.
+        let is_told = found.rows.is_some();
+        let more = (!is_told).then(|| self.pair_of(views, strictly, EVERYWHERE * self.corners));
+        more.filter(|more| more.rows.is_some()).unwrap_or(found)
+    }
+
+    fn pair_of(&self, views: [usize; 2], strictly: bool, corners: f64) -> Between {
         let [from, to] = views.map(|view| &self.ready[view]);
-        let cell = (self.size.pixels() as f64 / self.corners).sqrt().max(12.0);
+        let cell = (self.size.pixels() as f64 / corners).sqrt().max(12.0);
         let mut corners = from.corners(cell as usize);
         let all = corners.len();
         if strictly {

@@ -166,17 +166,84 @@ const SIDES: [&[&str]; 3] = [
         "vasen",
         "lijevo",
         "levo",
+        "левая",
+        "левый",
+        "левое",
+        "лево",
+        "слева",
         "左",
+        "왼쪽",
+        "좌측",
     ],
     &[
-        "centre", "center", "central", "centro", "centrale", "centr", "ctr", "middle", "mid",
-        "milieu", "mitte", "mittel", "mittlere", "medio", "mezzo", "meio", "midden", "srodek",
-        "stred", "mitten", "midten", "keski", "orta", "中", "中央",
+        "centre",
+        "center",
+        "central",
+        "centro",
+        "centrale",
+        "centr",
+        "ctr",
+        "middle",
+        "mid",
+        "milieu",
+        "mitte",
+        "mittel",
+        "mittlere",
+        "medio",
+        "mezzo",
+        "meio",
+        "midden",
+        "srodek",
+        "stred",
+        "mitten",
+        "midten",
+        "keski",
+        "orta",
+        "центр",
+        "центральная",
+        "центральный",
+        "середина",
+        "中",
+        "中央",
+        "中间",
+        "가운데",
+        "중앙",
     ],
     &[
-        "right", "rgt", "droite", "droit", "rechts", "rechte", "rechter", "rechtes", "derecha",
-        "derecho", "destra", "destro", "dx", "direita", "direito", "prawa", "prawy", "pravy",
-        "vpravo", "hoger", "höger", "hoyre", "høyre", "oikea", "desno", "sağ", "右",
+        "right",
+        "rgt",
+        "droite",
+        "droit",
+        "rechts",
+        "rechte",
+        "rechter",
+        "rechtes",
+        "derecha",
+        "derecho",
+        "destra",
+        "destro",
+        "dx",
+        "direita",
+        "direito",
+        "prawa",
+        "prawy",
+        "pravy",
+        "vpravo",
+        "hoger",
+        "höger",
+        "hoyre",
+        "høyre",
+        "oikea",
+        "desno",
+        "sağ",
+        "правая",
+        "правый",
+        "правое",
+        "право",
+        "справа",
+        "右",
+        "오른쪽",
+        "우측",
     ],
 ];
 
@@ -192,10 +259,28 @@ const LETTERS: [[&str; 3]; 5] = [
 /// Words that say that a camera stands further out than the next one.
 const OUTER: [&str; 6] = ["far", "outer", "extreme", "outermost", "wide", "aussen"];
 /// What may stand together with the word for a side, as in `leftcam`.
-const COMPANIONS: [&str; 12] = [
-    "cam", "camera", "kamera", "caméra", "camara", "img", "image", "view", "eye", "lens", "ir",
+const COMPANIONS: [&str; 18] = [
+    "cam",
+    "camera",
+    "kamera",
+    "caméra",
+    "camara",
+    "камера",
+    "img",
+    "image",
+    "view",
+    "eye",
+    "lens",
+    "ir",
     "mono",
+    "カメラ",
+    "相机",
+    "相機",
+    "眼",
+    "카메라",
 ];
+/// What the camera in colour between two gray ones is called after.
+const COLOURS: [&str; 4] = ["rgb", "color", "colour", "rgbd"];
 
 /// Words after which a number is that of a camera.
 const CAMERAS: [&str; 16] = [
@@ -301,7 +386,9 @@ fn side(word: &str, letters: [&str; 3]) -> Option<i32> {
             None => word.strip_suffix(own),
         };
         word == *own
-            || (own.chars().count() > 3 && rest.is_some_and(|rest| COMPANIONS.contains(&rest)))
+            // Where words are not set apart one character is a word.
+            || ((own.chars().count() > 3 || !own.is_ascii())
+                && rest.is_some_and(|rest| COMPANIONS.contains(&rest)))
     };
     let is_letter = |own: &str| word.chars().count() == 1 && own.contains(word);
     let of = (0..3).find(|&side| SIDES[side].iter().any(is) || is_letter(letters[side]))?;
@@ -354,13 +441,28 @@ fn ranks(names: &[String]) -> Option<Vec<i32>> {
     let first = i32::from(!names.iter().any(has_zero));
     // Without a number of its own a side is one, and a number common to all is none of a side's.
     let common = common_numbers(names);
-    let bare: Vec<String> = names.iter().map(|name| without(name, &common)).collect();
+    let mut bare: Vec<String> = names.iter().map(|name| without(name, &common)).collect();
+    if let Some(between) = in_colour(&bare) {
+        SIDES[1][0].clone_into(&mut bare[between]);
+    }
     LETTERS.into_iter().find_map(|letters| {
         let ranks: Option<Vec<i32>> = bare.iter().map(|name| rank(name, letters, first)).collect();
         let ranks = ranks?;
         let different: BTreeSet<i32> = ranks.iter().copied().collect();
         (different.len() == names.len() && different.len() > 1).then_some(ranks)
     })
+}
+
+/// Of three names, one that says left and one that says right, the third if it is that of a camera in colour.
+fn in_colour(names: &[String]) -> Option<usize> {
+    let [_, _, _] = names else {
+        return None;
+    };
+    let unsaid = beside_sides(names)?;
+    let is_colour = fields(unsaid)
+        .iter()
+        .any(|field| COLOURS.contains(&field.text.as_str()));
+    names.iter().position(|name| is_colour && name == unsaid)
 }
 
 /// Numbers that every name has.
@@ -386,9 +488,31 @@ fn without(name: &str, numbers: &BTreeSet<String>) -> String {
     kept.map(|field| field.text).collect::<Vec<_>>().join("_")
 }
 
-/// Whether these names say from left to right in which order their cameras stand.
+/// Whether these names say from left to right in which order their cameras stand; of one side only they are rather counted.
 pub(crate) fn are_sides(names: &[String]) -> bool {
-    ranks(names).is_some()
+    ranks(names).is_some_and(|ranks| {
+        let sides: BTreeSet<i32> = ranks.into_iter().map(i32::signum).collect();
+        sides.len() > 1
+    })
+}
+
+/// Whether these names say in words alone, each another place, where cameras stand: then they are all of one time.
+pub(crate) fn are_places(names: &[String]) -> bool {
+    let common = common_numbers(names);
+    let is_word = |name: &String| !without(name, &common).contains(|c: char| c.is_ascii_digit());
+    are_sides(names) && names.iter().all(is_word)
+}
+
+/// Whether a name is a word for a camera and one letter, as in `camA`.
+pub(crate) fn is_lettered(name: &str) -> bool {
+    match &fields(name)[..] {
+        [.., word, letter] => {
+            CAMERAS.contains(&word.text.as_str())
+                && !letter.is_number
+                && letter.text.chars().count() == 1
+        }
+        _ => false,
+    }
 }
 
 /// Puts cameras in order: from left to right where all say where they stand, else by name.
@@ -415,6 +539,11 @@ pub(crate) fn beside_sides(names: &[String]) -> Option<&String> {
     let any = |side: i32| all.iter().any(|own| own.contains(&side));
     let without = all.iter().position(BTreeSet::is_empty)?;
     (any(-1) && any(1)).then(|| &names[without])
+}
+
+/// The same, of names among which nothing else says where they stand.
+pub(crate) fn without_side(names: &[String]) -> Option<&String> {
+    beside_sides(names).filter(|_| ranks(names).is_none())
 }
 
 #[cfg(test)]

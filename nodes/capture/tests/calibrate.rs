@@ -46,6 +46,7 @@ fn shots(pictures: &Pictures) -> Shots {
         sizes: vec![SIZE; cameras],
         layout: Layout::Cameras,
         is_by_order: false,
+        left_out: Vec::new(),
         ignored: 0,
     }
 }

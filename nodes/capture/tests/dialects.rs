@@ -735,3 +735,164 @@ fn what_is_no_calibration_says_what_it_is_and_how_to_get_one() {
         "{sentence}"
     );
 }
+
+#[test]
+fn what_depthai_keeps_of_its_sockets_is_the_rig_in_centimetres() {
+    let bench = Bench::new(BOB);
+    let whole = numbered(&bench.rig, 1, ["K", "D"]);
+    let whole = whole
+        .iter()
+        .map(|(name, rows, values)| yaml_matrix(name, *rows, values, "d"));
+    let expected = taken(bench.open(&[format!("%YAML:1.0\n---\n{}", whole.collect::<String>())]));
+    // In sockets 1, 0 and 2 from left to right, each with the place of the next in its frame.
+    let sockets = [1, 0, 2];
+    let entry = |view: usize| {
+        let camera = &bench.rig[view];
+        let extrinsics = match bench.rig.get(view + 1) {
+            Some(next) => {
+                let (turn, shift) = next.from(camera);
+                let cm = shift * 100.0;
+                format!(
+                    "\"rotationMatrix\": {}, \"translation\": {{\"x\": {:?}, \"y\": {:?}, \"z\": {:?}}}, \"toCameraSocket\": {}",
+                    list(rows(turn)), cm.x, cm.y, cm.z, sockets[view + 1]
+                )
+            }
+            None => "\"rotationMatrix\": [], \"translation\": {\"x\": 0, \"y\": 0, \"z\": 0}, \"toCameraSocket\": -1".to_owned(),
+        };
+        let d = d_of(camera).into_iter().chain([0.0; 9]);
+        format!(
+            "[{}, {{\"cameraType\": 0, \"distortionCoeff\": {}, \"extrinsics\": {{{extrinsics}}}, \"height\": {}, \"width\": {}, \"intrinsicMatrix\": {}}}]",
+            sockets[view],
+            list(d),
+            SIZE.height,
+            SIZE.width,
+            list(k_of(camera))
+        )
+    };
+    let json = |views: &[usize]| {
+        let cameras: Vec<String> = views.iter().map(|&view| entry(view)).collect();
+        format!(
+            "{{\"boardName\": \"OAK\", \"cameraData\": [{}]}}",
+            cameras.join(", ")
+        )
+    };
+    assert_same("DepthAI", bench.open(&[json(&[1, 0, 2])]), &expected);
+    let two = bench.refusal(&[json(&[1, 2])]);
+    assert!(
+        two.starts_with("it describes 2 cameras (socket 0, socket 2), and there are 3 views"),
+        "{two}"
+    );
+    let broken = bench.refusal(&[json(&[0, 2])]);
+    assert!(
+        broken.contains("it says that by socket 0, which is not there"),
+        "{broken}"
+    );
+}
+
+/// KITTI's projection of a camera so far to the right of the first, as a line of numbers.
+fn projection(metres: f64) -> String {
+    let f = 0.9 * f64::from(SIZE.width);
+    let [cx, cy] = [SIZE.width, SIZE.height].map(|side| (f64::from(side) - 1.0) / 2.0);
+    blanks(&[f, 0.0, cx, -f * metres, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
+}
+
+#[test]
+fn kittis_files_are_read_before_and_after_rectification() {
+    let bench = Bench::new(BOB);
+    let size = blanks(&[SIZE.width.into(), SIZE.height.into()]);
+    let mut before = "calib_time: 09-Jan-2012 13:57:47\ncorner_dist: 9.95e-02\n".to_owned();
+    let mut after = String::new();
+    for (view, camera) in bench.rig.iter().enumerate() {
+        let turn = blanks(&rows(DMat3::IDENTITY));
+        let p = projection(STEP * view as f64);
+        for (key, value) in [
+            ("S", &size),
+            ("K", &blanks(&k_of(camera))),
+            ("D", &blanks(&d_of(camera))),
+            ("R", &turn),
+            ("R_rect", &turn),
+            ("S_rect", &size),
+            ("P_rect", &p),
+        ] {
+            writeln!(before, "{key}_{view:02}: {value}").unwrap();
+        }
+        writeln!(after, "P{view}: {p}").unwrap();
+    }
+    after.push_str("Tr: 4.2e-04 -9.9e-01 -8.0e-03 -1.1e-02 -7.2e-03 8.0e-03 -9.9e-01 -5.4e-02 9.9e-01 4.8e-04 -7.2e-03 -2.9e-01\n");
+    let raw = bench
+        .open(std::slice::from_ref(&before))
+        .calibration()
+        .unwrap();
+    assert!((raw.baseline_m - STEP).abs() < 1e-9, "{raw:?}");
+    let rectified = |text: &str| {
+        let settings = bench.settings(&[text.to_owned()]);
+        let settings = Settings {
+            camera_info: settings.calibration.clone(),
+            calibration: None,
+            ..settings
+        };
+        Source::open(&settings)
+    };
+    for text in [&after, &before] {
+        let known = rectified(text).unwrap().calibration().unwrap();
+        assert!(
+            known.calibrated && (known.baseline_m - STEP).abs() < 1e-9,
+            "{known:?}"
+        );
+        assert_eq!(known.focal_px, 0.9 * f64::from(SIZE.width));
+    }
+    let why = bench.refusal(std::slice::from_ref(&after));
+    assert!(why.contains("set capture.camera_info to it"), "{why}");
+    let four = format!("{after}P3: {}\n", projection(3.0 * STEP));
+    let why = rectified(&four).unwrap_err().to_string();
+    assert!(
+        why.contains("it describes 4 cameras, and there are 3 views"),
+        "{why}"
+    );
+}
+
+#[test]
+fn files_that_cannot_be_a_rig_say_what_they_are_and_what_to_set_instead() {
+    let bench = Bench::new(BOB);
+    for (text, said) in [
+        (
+            "cam0=[500 0 160; 0 500 120; 0 0 1]\ncam1=[500 0 160; 0 500 120; 0 0 1]\ndoffs=0\nbaseline=50.0\nwidth=320\n",
+            "set capture.focal=500, capture.cx=160, capture.cy=120 and, where its baseline is that of neighbouring views, capture.baseline=0.05",
+        ),
+        (
+            "%YAML:1.0\n\nCamera.fx: 500\nCamera.fy: 500\nCamera.cx: 160\nCamera.cy: 120\nCamera.bf: 25.0\n",
+            "of rectified images set capture.focal=500, capture.cx=160, capture.cy=120, and capture.baseline=0.05",
+        ),
+        (
+            "[LEFT_CAM_2K]\nfx=1397.8\nfy=1397.8\ncx=1100\n\n[STEREO]\nBaseline=119.9\n",
+            "it is the calibration of a ZED, which has two cameras",
+        ),
+        (
+            "Calibration results\n===\nCamera-system parameters:\n\tcam0 (/cam0/image_raw):\n\t type: <class 'x'>\n",
+            "it is Kalibr's report; give the camchain",
+        ),
+        (
+            "# Camera list with one line of data per camera:\n1 SIMPLE_RADIAL 320 240 500 160 120 0.01\n",
+            "it is COLMAP's list of cameras",
+        ),
+        (
+            "[{\"cameras\": [{\"image_prefix\": \"left/\"}]}]",
+            "it is COLMAP's description of a rig",
+        ),
+        (
+            "% of MATLAB\nfc = [ 500.0 ; 500.0 ];\ncc = [ 160 ; 120 ];\n",
+            "it is a script of MATLAB's toolbox",
+        ),
+    ] {
+        let why = bench.refusal(&[text.to_owned()]);
+        assert!(why.contains(said), "{why}");
+    }
+    let packed = bench.folder.path().join("packed.yaml.gz");
+    fs::write(&packed, b"\x1f\x8b\x08\x00rest").unwrap();
+    let settings = Settings {
+        calibration: Some(packed.display().to_string()),
+        ..bench.settings(&[])
+    };
+    let why = Source::open(&settings).unwrap_err().to_string();
+    assert!(why.contains("unpack it, with `gunzip"), "{why}");
+}

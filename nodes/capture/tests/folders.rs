@@ -483,12 +483,12 @@ fn a_folder_without_images_is_refused() {
     fs::write(folder.file("a.txt"), "x").unwrap();
     assert_eq!(
         folder.refusal(),
-        format!("~ holds no images, only one other file; {expected}")
+        format!("~ holds no images, only one other file (.txt); {expected}")
     );
     fs::write(folder.file("inside/b.txt"), "x").unwrap();
     assert_eq!(
         folder.refusal(),
-        format!("~ holds no images, only 2 other files; {expected}")
+        format!("~ holds no images, only 2 other files (.txt); {expected}")
     );
 }
 

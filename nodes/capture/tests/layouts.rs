@@ -517,7 +517,277 @@ fn images_beside_those_that_are_taken_are_counted() {
     );
 }
 
-/// The path as a setting.
+#[test]
+fn what_all_images_of_a_camera_have_in_their_names_is_no_part_of_the_time() {
+    let mut names = grid(
+        &["130750", "130751", "130752", "130753"],
+        &["L", "C", "R"],
+        |time, camera| format!("{camera}_view/fl09_{camera}_20240407_{time}.206341_rgb.png"),
+    );
+    names.retain(|name| !name.contains("L_20240407_130751"));
+    let source = Folder::with(&names).open();
+    assert_eq!(source.layout(), Some(Layout::Cameras));
+    assert_eq!(source.scans(), 3);
+    assert_eq!(
+        files(&source)[1],
+        ["L", "C", "R"]
+            .map(|camera| format!("{camera}_view/fl09_{camera}_20240407_130752.206341_rgb.png"))
+    );
+    let names = grid(
+        &["0", "1", "2"],
+        &["left", "centre", "right"],
+        |time, camera| format!("P000/image_{camera}/00000{time}_{camera}.png"),
+    );
+    let source = Folder::with(&names).open();
+    assert_eq!(source.scans(), 3);
+    assert!(
+        source
+            .warnings()
+            .iter()
+            .all(|warning| warning.contains("arbitrary"))
+    );
+    // Where folders say nothing the sides in the names of what they hold do.
+    let names = grid(
+        &["1", "2", "3"],
+        &["left", "centre", "right"],
+        |time, camera| format!("{}/image_{time}_{camera}.png", camera.len()),
+    );
+    assert_eq!(Folder::with(&names).open().layout(), Some(Layout::Cameras));
+}
+
+#[test]
+fn dates_in_names_are_times_that_are_put_together_by_the_nearest() {
+    let names = grid(
+        &["0", "1", "2", "3", "4"],
+        &["0", "1", "2"],
+        |time, camera| format!("{camera}/shot_2024-04-07_23-59-5{time}.{camera}15.png"),
+    );
+    let mut left_out = names;
+    left_out.retain(|name| !name.starts_with("1/shot_2024-04-07_23-59-52"));
+    let source = Folder::with(&left_out).open();
+    assert_eq!(source.layout(), Some(Layout::Cameras));
+    assert_eq!(source.scans(), 4);
+    assert_eq!(
+        files(&source)[2],
+        ["0", "1", "2"].map(|camera| format!("{camera}/shot_2024-04-07_23-59-53.{camera}15.png"))
+    );
+    // In one folder too: here the frames of one camera would be taken for the views of a scene.
+    let names = grid(
+        &["100", "200", "300"],
+        &["left", "centre", "right"],
+        |time, camera| {
+            format!(
+                "{camera}_1623412341{}.png",
+                time.parse::<usize>().unwrap() + camera.len()
+            )
+        },
+    );
+    let source = Folder::with(&names).open();
+    assert_eq!(source.layout(), Some(Layout::Flat));
+    assert_eq!(
+        files(&source)[1],
+        [
+            "left_1623412341204.png",
+            "centre_1623412341206.png",
+            "right_1623412341205.png"
+        ]
+    );
+    // Two cameras may share their stamps, and a third have others.
+    let names = grid(
+        &["000", "033", "066"],
+        &["Infrared 1", "Infrared 2", "Color"],
+        |time, camera| {
+            let late = if camera == "Color" { "4.5" } else { "0.25" };
+            format!("out_{camera}_1556123456{}{late}.png", &time[..2])
+        },
+    );
+    let source = Folder::with(&names).open();
+    assert_eq!((source.layout(), source.scans()), (Some(Layout::Flat), 3));
+    let names = grid(
+        &["1", "2", "3"],
+        &["22543210", "22543211", "22543215"],
+        |time, camera| {
+            let late = 120 + camera.len();
+            format!("Basler_acA1920__{camera}__20210511_12000{time}{late}_000{time}.png")
+        },
+    );
+    let source = Folder::with(&names).open();
+    assert_eq!((source.layout(), source.scans()), (Some(Layout::Flat), 3));
+}
+
+#[test]
+fn what_is_called_depth_or_mask_beside_views_is_left_out_and_that_is_said() {
+    let views = grid(&["0", "1"], &["left", "centre", "right"], |time, camera| {
+        format!("{camera}_{time}.png")
+    });
+    for made in [
+        grid(&["0", "1"], &["left", "centre"], |time, camera| {
+            format!("{camera}_{time}_depth.png")
+        }),
+        vec!["disparity/0.png".to_owned(), "disparity/1.png".to_owned()],
+        vec!["masks/left_0.png".to_owned(); 9],
+    ] {
+        let folder = Folder::with(&[views.clone(), made.clone()].concat());
+        let source = folder.open();
+        assert_eq!(source.scans(), 2, "{made:?}");
+        assert_eq!(
+            files(&source)[0],
+            ["left_0.png", "centre_0.png", "right_0.png"]
+        );
+        let said = "left out for their names, which say that they were made of images: ";
+        let notices = source.notices();
+        assert!(
+            notices.iter().any(|notice| notice.starts_with(said)),
+            "{notices:?}"
+        );
+    }
+    let names = grid(
+        &["0", "1", "2"],
+        &["cam0", "cam1", "cam2", "depth"],
+        |time, camera| format!("{camera}/{time}.png"),
+    );
+    assert_eq!(Folder::with(&names).open().layout(), Some(Layout::Cameras));
+    let names = [
+        "view0.png",
+        "view1.png",
+        "view2.png",
+        "view0.jpg",
+        "view1.jpg",
+        "view2.jpg",
+    ];
+    let source = Folder::with(&names).open();
+    assert_eq!(files(&source), [["view0.png", "view1.png", "view2.png"]]);
+}
+
+#[test]
+fn images_deep_in_several_folders_are_told_of_and_what_systems_leave_is_none() {
+    let names = grid(
+        &["monday", "tuesday"],
+        &["cam0", "cam1", "cam2"],
+        |time, camera| format!("{time}/{camera}/1.png"),
+    );
+    let folder = Folder::with(&names);
+    assert_eq!(
+        folder.refusal(),
+        "~ holds images only in folders of several folders (monday/cam0, tuesday/cam0): give the one whose folders or images are those of one recording"
+    );
+    let mut names = grid(&["0", "1"], &["cam0", "cam1", "cam2"], |time, camera| {
+        format!("mav0/{camera}/data/{time}.png")
+    });
+    names.extend(["__MACOSX/mav0/cam0/data/0.png", "mav0/@eaDir/x/0.png"].map(str::to_owned));
+    let folder = Folder::with(&names);
+    fs::create_dir(folder.path().join("mav0/imu0")).unwrap();
+    assert_eq!(folder.open().scans(), 2);
+    let views = ["left.png", "centre.png", "right.png"]
+        .map(str::to_owned)
+        .to_vec();
+    let calibration = (0..5).map(|shot| format!("calib/left{shot}.png")).collect();
+    let source = Folder::with(&[views, calibration].concat()).open();
+    assert_eq!(source.layout(), Some(Layout::Views));
+    let warnings = source.warnings();
+    let said = "5 images that lie elsewhere";
+    assert!(
+        warnings.iter().any(|warning| warning.starts_with(said)),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn cameras_of_which_some_say_their_side_are_refused_and_one_in_colour_is_between() {
+    let names = |third: &'static str| {
+        grid(
+            &["0", "1", "2", "3"],
+            &["left", third, "right"],
+            |time, camera| format!("{camera}/{time}.png"),
+        )
+    };
+    let told = Folder::with(&names("top")).refusal();
+    assert!(
+        told.starts_with("~ holds images that are called left and right, and top,"),
+        "{told}"
+    );
+    let source = Folder::with(&names("color")).open();
+    assert_eq!(
+        files(&source)[0],
+        ["left/0.png", "color/0.png", "right/0.png"]
+    );
+    let source = Folder::with(&["left_0.png", "right_0.png", "rgb_0.png"]).open();
+    assert_eq!(files(&source), [["left_0.png", "rgb_0.png", "right_0.png"]]);
+}
+
+#[test]
+fn four_places_in_words_are_views_and_cameras_may_be_lettered() {
+    let places = [
+        "left_outer.png",
+        "left_inner.png",
+        "right_inner.png",
+        "right_outer.png",
+    ];
+    let folder = Folder::with(&places);
+    let all = Settings {
+        views: Views::All,
+        ..folder.settings()
+    };
+    assert_eq!(files(&Source::open(&all).unwrap()), [places]);
+    let names = grid(
+        &["0", "1", "2"],
+        &["CamA", "CamB", "CamC"],
+        |time, camera| format!("{camera}/{time}.png"),
+    );
+    assert_eq!(Folder::with(&names).open().layout(), Some(Layout::Cameras));
+    for names in [
+        ["левая.png", "центр.png", "правая.png"],
+        ["左カメラ.png", "中央カメラ.png", "右カメラ.png"],
+        ["左相机.png", "中相机.png", "右相机.png"],
+        ["왼쪽.png", "중앙.png", "오른쪽.png"],
+    ] {
+        assert_eq!(files(&Folder::with(&names).open()), [names]);
+    }
+}
+
+#[test]
+fn files_that_are_not_read_are_named_by_their_endings() {
+    let folder = Folder(TempDir::new().unwrap());
+    for name in ["IMG_1.HEIC", "IMG_2.HEIC", "IMG_1.MOV"] {
+        fs::write(folder.path().join(name), "x").unwrap();
+    }
+    let told = folder.refusal();
+    assert!(
+        told.contains("only 3 other files (.HEIC, .MOV); expected are PNG"),
+        "{told}"
+    );
+}
+
+#[test]
+fn pictures_of_which_one_is_turned_by_a_quarter_are_told_to_be() {
+    let folder = Folder::with(&["0.png", "2.png"]);
+    folder.put("1.png", &GrayImage::new(SIZE.1, SIZE.0));
+    let told = folder.refusal();
+    assert!(told.contains("is one turned by 90°"), "{told}");
+}
+
+#[test]
+fn a_file_of_several_pictures_says_that_the_first_is_taken() {
+    let folder = Folder(TempDir::new().unwrap());
+    for name in ["left.tif", "centre.tif", "right.tif"] {
+        let file = fs::File::create(folder.path().join(name)).unwrap();
+        let mut encoder = tiff::encoder::TiffEncoder::new(file).unwrap();
+        for page in 0..2u8 {
+            let pixels = vec![page; (SIZE.0 * SIZE.1) as usize];
+            encoder
+                .write_image::<tiff::encoder::colortype::Gray8>(SIZE.0, SIZE.1, &pixels)
+                .unwrap();
+        }
+    }
+    let source = folder.open();
+    let said = "left.tif holds several pictures, of which the first is taken: save each in a file of its own";
+    assert!(
+        source.warnings().contains(&said.to_owned()),
+        "{:?}",
+        source.warnings()
+    );
+}
+
 #[test]
 fn every_layout_is_written_as_it_is_said() {
     for text in [

@@ -2,7 +2,6 @@
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -157,14 +156,9 @@ fn open(
     start: &Start,
 ) -> Result<Writer, WriteError> {
     let path = Path::new(&settings.file);
-    // What a recorder began that died before any scan came is begun again, over what it left; only that, since who died
-    // even earlier left what was there before.
-    let mark = bus.run().root.join(BEGUN);
     if start.resume.admitted == 0 {
-        let overwrite = settings.overwrite || mark.exists();
-        let writer = Writer::create(path, overwrite, metadata, encoder, settings)?;
-        File::create(&mark).map(drop).unwrap_or_default();
-        return Ok(writer);
+        let mark = bus.run().root.join(BEGUN);
+        return Writer::begin(path, settings.overwrite, &mark, metadata, encoder, settings);
     }
     let (writer, sealed) = Writer::resume(path, metadata, encoder, settings)?;
     for part in sealed.iter().filter(|part| !part.was_finished) {

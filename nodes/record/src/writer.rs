@@ -177,6 +177,26 @@ impl Writer {
         )
     }
 
+    /// Begins the recording of a run, or begins it again over what a recorder left that died before any scan came. `mark` is
+    /// a file of the run's own, which is there from before the recording's is: whoever dies in between leaves nothing that
+    /// would be taken for somebody else's, and who dies even earlier leaves what was there before.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
+    pub fn begin(
+        path: &Path,
+        overwrite: bool,
+        mark: &Path,
+        metadata: &Metadata,
+        encoder: &Encoder,
+        settings: &Settings,
+    ) -> Result<Self, WriteError> {
+        let overwrite = overwrite || mark.exists();
+        Self::check(path, overwrite)?;
+        File::create(mark).map(drop).unwrap_or_default();
+        Self::create(path, overwrite, metadata, encoder, settings)
+    }
+
     /// Whether a recording can be begun at this path, as far as can be told without writing; gives the files that would
     /// be overwritten.
     ///
@@ -718,6 +738,38 @@ mod tests {
             }
         }
         0
+    }
+
+    #[test]
+    fn a_recorder_that_dies_when_its_file_is_just_made_is_begun_again_and_nobody_elses_file_goes() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, mark) = (folder.path().join("a.mcap"), folder.path().join("begun"));
+        let rig = synthetic::rig(Size::new(64, 48));
+        let settings = Settings::default();
+        let (encoder, metadata) = (
+            synthetic::encoder(&rig, &settings),
+            synthetic::metadata(&rig),
+        );
+        let begin = |path: &Path| Writer::begin(path, false, &mark, &metadata, &encoder, &settings);
+        fs::write(&path, "somebody else's").unwrap();
+        assert!(matches!(begin(&path), Err(WriteError::Exists(_))));
+        assert!(!mark.exists());
+        fs::remove_file(&path).unwrap();
+        // Its death comes before, while and after the head is written.
+        for left in [None, Some(0), Some(20)] {
+            drop(begin(&path).unwrap());
+            if let Some(left) = left {
+                let file = OpenOptions::new().write(true).open(&path).unwrap();
+                file.set_len(left).unwrap();
+            }
+        }
+        begin(&path).unwrap().finish(None).unwrap();
+        assert!(Recording::open(&path).unwrap().is_complete());
+        // The mark is there when the file is not yet.
+        fs::remove_file(&mark).unwrap();
+        let no_name = folder.path().join("x".repeat(300));
+        assert!(matches!(begin(&no_name), Err(WriteError::Io { .. })));
+        assert!(mark.exists());
     }
 
     #[test]

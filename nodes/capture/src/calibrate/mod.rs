@@ -408,6 +408,7 @@ mod tests {
             sizes: vec![SIZE; 3],
             layout: Layout::Cameras,
             is_by_order: false,
+            left_out: Vec::new(),
             ignored: 0,
         };
         (shots, found)

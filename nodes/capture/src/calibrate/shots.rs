@@ -24,6 +24,8 @@ pub struct Shots {
     pub is_by_order: bool,
     /// Images that lie elsewhere: in folders beside images, or beside folders with more.
     pub ignored: usize,
+    /// What is to be said of images that are no views.
+    pub left_out: Vec<String>,
 }
 
 /// What the cameras took at one time.
@@ -75,6 +77,7 @@ impl Shots {
             layout: table.layout,
             is_by_order: table.together == Together::Order,
             ignored: table.ignored,
+            left_out: table.aside.sentences(path),
         })
     }
 

@@ -96,11 +96,16 @@ pub(super) fn cameras(entries: &[Entry], lens: Option<LensModel>) -> Result<Vec<
 }
 
 /// The cameras from left to right, where their names do not number them.
-pub(super) fn in_row(mut mounted: Vec<Mounted>) -> Vec<Mounted> {
+pub(super) fn in_row(mounted: Vec<Mounted>) -> Vec<Mounted> {
     let is_numbered = |one: &Mounted| one.name.contains(|c: char| c.is_ascii_digit());
-    if mounted.iter().any(is_numbered) {
-        return mounted;
+    match mounted.iter().any(is_numbered) {
+        true => mounted,
+        false => from_left(mounted),
     }
+}
+
+/// The cameras from left to right, by where they stand.
+pub(super) fn from_left(mut mounted: Vec<Mounted>) -> Vec<Mounted> {
     let posed = |one: &Mounted| match one.mount {
         Mount::Posed { turn, centre_m } => (turn, centre_m),
         Mount::Rectified { turn, place_m, .. } => (turn, DVec3::X * place_m),

@@ -3,13 +3,17 @@
 //! ```text
 //! YAML, JSON, XML, plain text ─► Node ─┬─ ROS camera_info, one a view ─┐
 //!                                      ├─ Kalibr camchain ─────────────┤
+//!                                      ├─ KITTI, DepthAI ──────────────┤
 //!                                      ├─ OpenCV, numbered ────────────┼─► cameras: lens, sensor, where they stand ─► Geometry:
 //!                                      └─ a map a camera ──────────────┘   one parallel camera a view
 //! ```
 
+mod depthai;
 mod entry;
+mod foreign;
 mod geometry;
 mod kalibr;
+mod kitti;
 mod lens;
 mod maps;
 mod node;
@@ -157,6 +161,15 @@ fn cameras(read: &[(Kind, Vec<Node>)], lens: Option<LensModel>) -> Result<Vec<Mo
             [chain] => kalibr::cameras(chain, lens),
             _ => Err("a Kalibr camchain holds all cameras; give one file".to_owned()),
         },
+        Kind::Kitti => match *all {
+            [file] if kitti::is_raw(file) => ros::cameras(&kitti::before(file)?, lens),
+            [_] => Err("it is KITTI's calib.txt, of images that are rectified already: set capture.camera_info to it, and not capture.calibration".to_owned()),
+            _ => Err("a calib_cam_to_cam.txt holds all cameras; give one file".to_owned()),
+        },
+        Kind::DepthAi => match *all {
+            [file] => depthai::cameras(file, lens),
+            _ => Err("a calibration of DepthAI holds all cameras; give one file".to_owned()),
+        },
         Kind::Numbered => opencv::cameras(&all, lens),
         Kind::Maps => {
             let entries = all.iter().filter_map(|file| maps::within(file)).flatten();
@@ -243,6 +256,8 @@ fn check(mounted: &[Mounted], views: usize, sizes: &[Size]) -> Result<(), Why> {
 enum Kind {
     Ros,
     Kalibr,
+    Kitti,
+    DepthAi,
     /// OpenCV's names, with numbers.
     Numbered,
     /// A map a camera.
@@ -256,6 +271,8 @@ impl Kind {
         // The first that fits: a message is a map with a matrix too.
         match file {
             _ if kalibr::is(file) => Some(Self::Kalibr),
+            _ if kitti::is_rectified(file) || kitti::is_raw(file) => Some(Self::Kitti),
+            _ if depthai::is(file) => Some(Self::DepthAi),
             _ if ros::is(file) => Some(Self::Ros),
             _ if opencv::first(file).is_some() => Some(Self::Numbered),
             _ if entry::is_camera(file) => Some(Self::Alone),
@@ -268,13 +285,16 @@ impl Kind {
 
 /// What is said of a file that describes no camera: what it holds, and what is read.
 fn nothing_known(documents: &[Node]) -> Why {
+    if let Some(why) = documents.iter().find_map(foreign::of_keys) {
+        return why;
+    }
     let keys = documents.iter().flat_map(Node::entries);
     let mut keys: Vec<&str> = keys.map(|(key, _)| key.as_str()).take(9).collect();
     if keys.len() > 8 {
         keys[8] = "…";
     }
     format!(
-        "it describes no camera that is known here: it holds {}; read are ROS camera_info (camera_matrix or k, distortion_coefficients or d, projection_matrix or p), Kalibr's camchain (cam0 with intrinsics, cam1, …), OpenCV's numbered matrices (K1 and D1, K2 and D2, R12 and T12, …), and a map or a file a camera (camera_matrix, distortion_coefficients, R and T)",
+        "it describes no camera that is known here: it holds {}; read are ROS camera_info (camera_matrix or k, distortion_coefficients or d, projection_matrix or p), Kalibr's camchain (cam0 with intrinsics, cam1, …), OpenCV's numbered matrices (K1 and D1, K2 and D2, R12 and T12, …), a map or a file a camera (camera_matrix, distortion_coefficients, R and T), KITTI's calib_cam_to_cam.txt and DepthAI's JSON",
         keys.join(", ")
     )
 }

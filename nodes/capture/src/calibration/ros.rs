@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use messages::Size;
 
 use super::node::Node;
-use super::{Camera, Mount, Mounted, Why, entry, rotation};
+use super::{Camera, Mount, Mounted, Why, entry, foreign, kitti, rotation};
 use crate::settings::LensModel;
 
 /// A `CameraInfo`.
@@ -42,15 +42,28 @@ pub(crate) fn is(file: &Node) -> bool {
     has(&K) && (has(&P) || (is_message && !file.has("T")))
 }
 
+/// Whether it is meant to be such a map: KITTI's files have the same numbers under other names.
+pub(crate) fn is_message(file: &Node) -> bool {
+    kitti::infos(file).is_none()
+}
+
 /// The different ones among these documents; the last may have been cut off.
 ///
 /// # Errors
 /// What is wrong with one.
 pub(crate) fn infos(documents: &[Node]) -> Result<Vec<CameraInfo>, Why> {
+    if let [file] = documents
+        && let Some(infos) = kitti::infos(file)
+    {
+        return infos;
+    }
     let mut found: Vec<CameraInfo> = Vec::new();
     for (at, document) in documents.iter().enumerate() {
         let known = [&K[..], &P, &["header", "camera_name"]].concat();
         if at == 0 && document.first(&known).is_none() {
+            if let Some(why) = foreign::of_keys(document) {
+                return Err(why);
+            }
             let keys = document.entries().iter().take(8);
             let keys: Vec<&str> = keys.map(|(key, _)| key.as_str()).collect();
             return Err(format!(

@@ -8,8 +8,8 @@ use std::path::Path;
 
 use serde_saphyr::options::NonFiniteFloatPolicy;
 
-use super::Why;
 use super::node::Node;
+use super::{Why, foreign};
 use crate::error::SourceError;
 
 /// Reads the text of a file.
@@ -37,6 +37,9 @@ const BINARY: [(&[u8], &str); 7] = [
 
 fn decode(bytes: &[u8]) -> Result<String, Why> {
     let instead = "write its matrices as text, with cv2.FileStorage(\"cameras.yaml\", cv2.FILE_STORAGE_WRITE)";
+    if bytes.starts_with(b"\x1f\x8b") {
+        return Err("it is compressed (gzip): unpack it, with `gunzip FILE.gz`".to_owned());
+    }
     if let Some((_, what)) = BINARY.iter().find(|(begin, _)| bytes.starts_with(begin)) {
         return Err(format!("it is {what}; {instead}"));
     }
@@ -71,7 +74,7 @@ pub(crate) fn documents(text: &str) -> Result<Vec<Node>, Why> {
         },
         Some('%') if text.trim_start().starts_with("%time") => return Err(csv()),
         _ if is_plain(text) => vec![plain(text)],
-        _ => yaml(text)?,
+        _ => yaml(text).map_err(|why| foreign::of_text(text).unwrap_or(why))?,
     };
     let found: Vec<Node> = found
         .into_iter()
@@ -80,7 +83,7 @@ pub(crate) fn documents(text: &str) -> Result<Vec<Node>, Why> {
     match found.iter().find(|node| !matches!(node, Node::Map(_))) {
         _ if found.is_empty() => Err("it says nothing".to_owned()),
         Some(Node::Text(text)) if text.matches(',').count() > 20 => Err(csv()),
-        Some(_) => Err("it has no keys with values, as `camera_matrix: …`".to_owned()),
+        Some(_) => Err(foreign::of_text(text).unwrap_or_else(|| "it has no keys with values, as `camera_matrix: …`; read are YAML, JSON, OpenCV's XML and what ROS's tools print".to_owned())),
         None => Ok(found),
     }
 }

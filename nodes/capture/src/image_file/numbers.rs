@@ -15,6 +15,21 @@ use crate::error::MOST_PIXELS;
 /// How much red, green and blue weigh: ITU-R BT.709, as of other images.
 const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
+/// Whether a TIFF holds another picture of the same size; smaller ones are previews.
+pub(super) fn holds_more(path: &Path) -> bool {
+    let second = || {
+        let file = BufReader::new(std::fs::File::open(path).ok()?);
+        let mut decoder = Decoder::new(file).ok()?;
+        let first = decoder.dimensions().ok()?;
+        if !decoder.more_images() {
+            return None;
+        }
+        decoder.next_image().ok()?;
+        Some(decoder.dimensions().ok()? == first)
+    };
+    second().unwrap_or_default()
+}
+
 /// A TIFF of one or more numbers a pixel.
 pub(super) struct File {
     decoder: Decoder<BufReader<std::fs::File>>,

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::stamp;
 use crate::names::{self, Counts, Field};
 
 /// A field of names that may tell cameras from each other.
@@ -31,7 +32,7 @@ pub(super) fn split(stems: &[String]) -> Result<Option<Vec<(String, String)>>, [
         let mut splits = [word_and_number, number_and_word].into_iter();
         let found = splits.find_map(|split| {
             let parts: Vec<(String, String)> = stems.iter().map(|stem| split(stem)).collect();
-            is_rig(&parts).then_some(parts)
+            (is_rig(&parts) || are_stamped(&parts, stems)).then_some(parts)
         });
         return Ok(found);
     }
@@ -51,9 +52,6 @@ pub(super) fn split(stems: &[String]) -> Result<Option<Vec<(String, String)>>, [
     let mut candidates: Vec<Candidate> = Vec::new();
     for &field in &varying {
         let parts = parts(field);
-        if !is_rig(&parts) {
-            continue;
-        }
         let count = |of: fn(&(String, String)) -> &String| {
             parts.iter().map(of).collect::<BTreeSet<_>>().len()
         };
@@ -69,9 +67,13 @@ pub(super) fn split(stems: &[String]) -> Result<Option<Vec<(String, String)>>, [
             () => match names::counts(first, field, false) {
                 Counts::Cameras => 2,
                 Counts::Times => -1,
+                Counts::Unknown if is_serial(&all, field) => 1,
                 Counts::Unknown => 0,
             },
         };
+        if !(is_rig(&parts) || (says > 0 && are_stamped(&parts, &without(stems, &all, field)))) {
+            continue;
+        }
         candidates.push(Candidate {
             field,
             cameras: cameras.len(),
@@ -128,9 +130,52 @@ fn is_rig(parts: &[(String, String)]) -> bool {
         && times.iter().all(|(camera, own)| shares(camera, own))
 }
 
-/// What a name begins with, and the number that it ends with.
+/// Whether these are cameras whose images are called after the time they were taken at, which no two have in common.
+fn are_stamped(parts: &[(String, String)], stems: &[String]) -> bool {
+    let mut count: BTreeMap<&str, usize> = BTreeMap::new();
+    for (camera, _) in parts {
+        *count.entry(camera).or_default() += 1;
+    }
+    let is_several = count.values().all(|count| *count > 1);
+    count.len() > 1
+        && is_several
+        && parts.iter().all(|(camera, _)| !camera.is_empty())
+        && stems.iter().all(|stem| stamp::is_sure(stem))
+}
+
+/// Names without the serial number that stands in a field, for it is no part of the time.
+fn without(stems: &[String], all: &[Vec<Field>], field: usize) -> Vec<String> {
+    if !is_serial(all, field) {
+        return stems.to_vec();
+    }
+    let each = stems.iter().zip(all);
+    each.map(|(stem, fields)| stem.replacen(&fields[field].text, "", 1))
+        .collect()
+}
+
+/// Whether a field may be the serial number of a camera: long, of one length, and no date.
+fn is_serial(all: &[Vec<Field>], field: usize) -> bool {
+    let length = all[0][field].text.len();
+    let is_date = |text: &str| length == 8 && (text.starts_with("19") || text.starts_with("20"));
+    (7..=12).contains(&length)
+        && all.iter().all(|fields| {
+            let text = &fields[field].text;
+            text.len() == length && !is_date(text)
+        })
+}
+
+/// What a name begins with, and the number that it ends with; a time with its fraction is one.
 pub(super) fn word_and_number(stem: &str) -> (String, String) {
-    let word = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    let is_digit = |c: char| c.is_ascii_digit();
+    let word = stem.trim_end_matches(is_digit);
+    let before = word
+        .strip_suffix('.')
+        .map(|whole| whole.trim_end_matches(is_digit));
+    if let Some(before) = before
+        && stamp::is_sure(&word[before.len()..])
+    {
+        return (bare(before), stem[before.len()..].to_owned());
+    }
     (bare(word), number(&stem[word.len()..]))
 }
 
