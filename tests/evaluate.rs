@@ -215,10 +215,16 @@ fn the_thesiss_photographs_are_compared_with_their_true_contours() {
     }
     assert!(matched > 0.85 * seen, "{matched} of {seen}");
     // And its rivals', in the order they are asked for, is not.
-    assert!(wrong[0] == 0.0 && wrong[1] > 0.0 && wrong[2] > 0.0, "{wrong:?}");
+    assert!(
+        wrong[0] == 0.0 && wrong[1] > 0.0 && wrong[2] > 0.0,
+        "{wrong:?}"
+    );
     let said = world.run(&evaluate).done().out;
     let table = said.split("the thesis's table").nth(1).unwrap();
     let lines = |method: &str| table.lines().filter(|line| line.contains(method)).count();
     // Nine sets, and all together.
-    assert_eq!(["three-view", "point ", "two-view"].map(lines), [10, 10, 10]);
+    assert_eq!(
+        ["three-view", "point ", "two-view"].map(lines),
+        [10, 10, 10]
+    );
 }

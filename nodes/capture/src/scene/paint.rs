@@ -408,15 +408,11 @@ pub(crate) fn dull_cast(place: Vec3, detail: f32) -> Finish {
     metal(0.35 + 0.015 * layers(place, 14.0, 2, detail), 0.10)
 }
 
-/// A dark handle of one colour with a brighter cap on its end and a bright ring.
+/// A dark handle of one colour with a bright ring.
 pub(crate) fn plain_handle(place: Vec3, detail: f32) -> Finish {
+    let ring = 4.0 - (place.z - 71.0).abs();
     let plastic = metal(0.24 + 0.01 * layers(place, 14.0, 2, detail), 0.08);
-    let ring = marked(plastic, matt(0.62), 4.0 - (place.z - 71.0).abs(), detail);
-    let cap = marked(ring, matt(0.42), 12.0 - place.z, detail);
-    Finish {
-        mark: ring.mark + 2 * cap.mark,
-        ..cap
-    }
+    marked(plastic, matt(0.62), ring, detail)
 }
 
 /// Dull steel of one tone.
