@@ -165,3 +165,66 @@ fn tuning_gives_the_same_front_every_time_with_or_without_truth() {
         ran.err
     );
 }
+
+#[test]
+fn the_thesiss_photographs_are_compared_with_their_true_contours() {
+    let world = World::new();
+    let evaluate = [
+        "evaluate",
+        "scene:thesis",
+        "--profile",
+        "thesis",
+        "--against",
+        "point,two-view",
+    ];
+    let report = world
+        .run(&[&evaluate[..], &["--json"]].concat())
+        .done()
+        .json();
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let (mut seen, mut matched, mut wrong) = (0.0, 0.0, [0.0; 3]);
+    for scene in report["scenes"].as_array().unwrap() {
+        let contours = &scene["contours"];
+        let channels = contours["curves"].as_array().unwrap();
+        let variances: Vec<f64> = channels
+            .iter()
+            .map(|channel| number(&channel["sigma_squared"]))
+            .collect();
+        assert_eq!(variances, [30.0, 20.0, 10.0]);
+        for (at, channel) in channels.iter().enumerate() {
+            let counted = number(&channel["contours_px"]);
+            assert!(counted > 900.0, "{scene}");
+            assert!(number(&channel["on_curves"]) > 0.85, "{scene}");
+            let three_view = &contours["methods"][0][at];
+            seen += number(&channel["curves_seen"]);
+            matched += number(&three_view["curves_seen"]);
+            assert!(number(&three_view["points"]) > 400.0, "{scene}");
+            assert!(number(&three_view["covered_px"]) > 0.7 * counted, "{scene}");
+            // The thesis's claim: all that is matched in three views is right.
+            assert_eq!(three_view["points_over_2"], 0, "{scene}");
+            assert_eq!(three_view["curves_over_2"], 0, "{scene}");
+            assert!(
+                number(&three_view["firm_points_over_1"])
+                    <= 0.02 * number(&three_view["firm_points"]),
+                "{scene}"
+            );
+            for (method, wrong) in wrong.iter_mut().enumerate() {
+                *wrong += number(&contours["methods"][method][at]["points_over_2"]);
+            }
+        }
+    }
+    assert!(matched > 0.85 * seen, "{matched} of {seen}");
+    // And its rivals', in the order they are asked for, is not.
+    assert!(
+        wrong[0] == 0.0 && wrong[1] > 0.0 && wrong[2] > 0.0,
+        "{wrong:?}"
+    );
+    let said = world.run(&evaluate).done().out;
+    let table = said.split("the thesis's table").nth(1).unwrap();
+    let lines = |method: &str| table.lines().filter(|line| line.contains(method)).count();
+    // Nine sets, and all together.
+    assert_eq!(
+        ["three-view", "point ", "two-view"].map(lines),
+        [10, 10, 10]
+    );
+}

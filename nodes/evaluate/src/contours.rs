@@ -10,7 +10,7 @@
 //! end. Of two contours side by side and closer than 2σ a channel has one zero-crossing: the one of less contrast does not
 //! count there.
 
-use messages::{Contour, ContourKind, ContourPoint, CurvesView, MatchesView, Size};
+use messages::{Contour, ContourKind, ContourPoint, CurvesView, MatchesView, NONE, Size};
 
 use crate::{Settings, Truths};
 
@@ -79,7 +79,8 @@ struct Spot {
     /// Direction of its contour, a unit long.
     along: [f32; 2],
     disparity: f32,
-    contrast: f32,
+    /// Mean contrast of the contour around it.
+    strength: f32,
     /// Pixels of contour that it stands for.
     weight: f32,
     kind: ContourKind,
@@ -143,7 +144,7 @@ impl Contours {
                         y: point.y,
                         along: course.along(step),
                         disparity: point.disparity,
-                        contrast: point.contrast,
+                        strength: course.strength(step),
                         weight: course.weight(step),
                         kind: contour.kind,
                         is_seen: point.seen & all == all,
@@ -195,7 +196,7 @@ impl Contours {
                 // What lies ahead is the contour itself, or one that goes on from it.
                 let ahead = side[0] * own.along[0] + side[1] * own.along[1];
                 let beside = side[1] * own.along[0] - side[0] * own.along[1];
-                there.contrast > own.contrast && beside.abs() > ahead.abs() && beside.abs() > 1.0
+                there.strength > own.strength && beside.abs() > ahead.abs() && beside.abs() > 1.0
             })
         };
         let is_masked: Vec<bool> = (0..self.spots.len()).map(is_masked).collect();
@@ -333,7 +334,8 @@ impl Contours {
                 (sum, count) = (sum + off, count + 1);
             }
             out.wrong += u32::from(count > 0 && (sum / count as f32).abs() > 2.0);
-            if let Some(is_matched) = is_matched.get_mut(found.curves[reference] as usize) {
+            let label = found.curves.get(reference).copied().unwrap_or(NONE);
+            if let Some(is_matched) = is_matched.get_mut(label as usize) {
                 *is_matched = true;
             }
         }
@@ -394,6 +396,25 @@ impl<'a> Course<'a> {
     fn distance(&self, a: usize, b: usize) -> f32 {
         let [a, b] = [a, b].map(|at| &self.points[at]);
         (a.x - b.x).hypot(a.y - b.y)
+    }
+
+    /// The mean contrast of as many points before as after a step, so that of two contours one is the stronger for a
+    /// while.
+    fn strength(&self, step: usize) -> f32 {
+        const REACH: usize = 8;
+        let count = self.order.len();
+        let (from, to) = match self.is_closed {
+            true => {
+                let reach = REACH.min((count - 1) / 2);
+                (step + count - reach, step + count + reach)
+            }
+            false => {
+                let reach = REACH.min(step).min(count - 1 - step);
+                (step - reach, step + reach)
+            }
+        };
+        let around = (from..=to).map(|step| self.points[self.order[step % count]].contrast);
+        around.sum::<f32>() / (to - from + 1) as f32
     }
 
     /// Half the way to the point before, and half that to the point after.

@@ -1,6 +1,6 @@
 //! What the evaluator says, against slow obvious twins.
 
-use evaluate::{Canny, Evaluator, Known, Settings};
+use evaluate::{Canny, Evaluator, Known, Settings, Truths};
 use messages::{Evaluation, MatchPoint, Matches, NONE, Owned, Point, Points, Score, Size};
 
 struct Random(u64);
@@ -54,6 +54,8 @@ fn world(seed: u64) -> World {
         .map(|_| {
             // Some lie on and beyond the sides.
             let (u, v) = (48.0 * random.unit() - 0.6, 32.0 * random.unit() - 0.6);
+            // Rows of edges that were found along rows are whole.
+            let v = if random.unit() < 0.5 { v.round() } else { v };
             let near = if u < 20.0 { 4.0 } else { 9.5 };
             let wrong = if random.unit() < 0.3 {
                 6.0 * random.unit()
@@ -177,6 +179,16 @@ fn every_figure_is_what_its_definition_says() {
         let mismatches = row.iter().zip(&near).filter(|pair| far(*pair)).count();
         assert_eq!(score.mismatches as usize, mismatches);
         assert!(mismatches > 0 && mismatches < over(2.0));
+        for (most, forgiven) in [(1.0, score.forgiven_one), (2.0, score.forgiven_two)] {
+            let within = errors(&world, 3);
+            let is_forgiven = |i: &usize| {
+                let is_level = world.points[*i].v.round() != world.points[*i].v;
+                row[*i].is_finite() && row[*i] > most && is_level && within[*i] <= most
+            };
+            let count = (0..row.len()).filter(is_forgiven).count();
+            assert_eq!(forgiven as usize, count);
+            assert!(count > 5 && count < over(most));
+        }
         let edges = edges(&world).iter().filter(|edge| **edge).count();
         assert_eq!(score.edges as usize, edges);
         assert!((f64::from(score.coverage) - coverage(&world, &world.points)).abs() < 1e-6);
@@ -293,4 +305,30 @@ fn an_edge_is_the_crest_of_its_gradient_and_lasts_as_long_as_it_hangs_together()
         &mut edges,
     );
     assert!(edges.iter().all(|edge| !edge));
+}
+
+#[test]
+fn a_disparity_is_off_by_its_difference_to_the_nearest_truth_that_counts() {
+    let world = world(10);
+    let truths = Truths {
+        disparity: &world.truth,
+        size: SIZE,
+    };
+    let [row, rows] = [0, 3].map(|rows| errors(&world, rows));
+    for (i, point) in world.points.iter().enumerate() {
+        let is_level = point.v.round() != point.v;
+        let error = if is_level { rows[i] } else { row[i] };
+        let off = truths.off(point.u, point.v, point.disparity);
+        assert_eq!(off.map(f32::abs), error.is_finite().then_some(error));
+    }
+    // Above a step from 4 to 9, on a level contour three rows away, and on one that is not level.
+    let disparity: Vec<f32> = (0..10 * 10)
+        .map(|i| if i < 60 { 4.0 } else { 9.0 })
+        .collect();
+    let truths = Truths {
+        disparity: &disparity,
+        size: Size::new(10, 10),
+    };
+    assert_eq!(truths.off(5.0, 3.4, 8.5), Some(-0.5));
+    assert_eq!(truths.off(5.0, 3.0, 8.5), Some(4.5));
 }
