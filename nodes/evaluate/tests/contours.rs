@@ -91,8 +91,10 @@ fn curves(drawn: &[Drawn]) -> Owned<Curves> {
     curves
 }
 
-/// Matches of curves, all of whose points have disparities.
-fn matches(drawn: &[Drawn], matched: &[(usize, Vec<f32>)]) -> Owned<Matches> {
+/// A curve that is matched, and the disparities of its points.
+type Matched = (usize, Vec<f32>);
+
+fn matches(drawn: &[Drawn], matched: &[Matched]) -> Owned<Matches> {
     let starts: Vec<usize> = drawn
         .iter()
         .scan(0, |start, points| {
@@ -157,7 +159,7 @@ fn a_stretch_counts_when_it_is_long_enough_and_has_contrast() {
 #[test]
 fn a_closed_contour_is_measured_once_round_wherever_it_begins() {
     let round = ring([80.0, 60.0], 30.0, 190);
-    let whole = tracked(&[round.clone()], &[]).contours;
+    let whole = tracked(std::slice::from_ref(&round), &[]).contours;
     assert!((whole - TAU * 30.0).abs() < 0.1, "{whole}");
     // A weak place cuts it once, and not where its list of points begins too.
     for weak in [0, 50, 189] {
@@ -233,8 +235,7 @@ fn points_are_off_by_what_their_contour_says_and_elsewhere_by_the_truth_around()
     ];
     let off = |by: [f32; 3]| {
         let of = [30.0, 30.0, 20.0];
-        let matched: Vec<(usize, Vec<f32>)> =
-            (0..3).map(|i| (i, vec![of[i] + by[i]; 61])).collect();
+        let matched: Vec<Matched> = (0..3).map(|i| (i, vec![of[i] + by[i]; 61])).collect();
         let (curves, matches) = (curves(&drawn), matches(&drawn, &matched));
         known(&contours).compared(curves.view(), matches.view(), &truths, 0)
     };
@@ -265,7 +266,7 @@ fn points_are_off_by_what_their_contour_says_and_elsewhere_by_the_truth_around()
 }
 
 /// Random contours, curves around them, and matches.
-fn world(seed: u64) -> (Vec<Contour>, Vec<Drawn>, Vec<(usize, Vec<f32>)>) {
+fn world(seed: u64) -> (Vec<Contour>, Vec<Drawn>, Vec<Matched>) {
     let mut random = Random(seed);
     let mut contours = Vec::new();
     for number in 0..6 {
