@@ -69,9 +69,9 @@ pub(crate) struct Votes {
 /// Share of its points that must not be flat for a curve to be found by their votes.
 const STEEP: f32 = 0.2;
 
-/// Share of the longer one by which curves compared by their centroids may differ in length: as far as their ends are
-/// not the same, their centroids are not.
-const LENGTHS: f32 = 0.2;
+/// Points by which curves compared by their centroids may differ in length: as far as their ends are not the same, their
+/// centroids are not, and a flat contour has nothing else to tell its disparity by.
+const LENGTHS: u32 = 4;
 
 impl Votes {
     /// Lets a table vote for the curves of another view, `steps` to the right, and gives each one's peak, the most votes
@@ -123,9 +123,7 @@ impl Votes {
                 self.own.extend(votes.iter().map(|cast| cast.vote));
                 self.fullest.lane(&self.own, band, middle, ballot.lanes)
             } else {
-                let lengths = [table.count, other.count].map(|count| count as f32);
-                let longer = lengths[0].max(lengths[1]);
-                let alike = (lengths[0] - lengths[1]).abs() <= LENGTHS * longer;
+                let alike = table.count.abs_diff(other.count) <= LENGTHS;
                 alike.then(|| Course::level((table.x - other.x) / steps))
             };
             let Some(course) = course else {
