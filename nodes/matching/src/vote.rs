@@ -71,7 +71,7 @@ const STEEP: f32 = 0.2;
 
 /// Points by which curves compared by their centroids may differ in length: as far as their ends are not the same, their
 /// centroids are not, and a flat contour has nothing else to tell its disparity by.
-const LENGTHS: u32 = 4;
+const LENGTHS: u32 = 2;
 
 impl Votes {
     /// Lets a table vote for the curves of another view, `steps` to the right, and gives each one's peak, the most votes
