@@ -295,16 +295,13 @@ struct MethodMean {
 
 impl From<&Score> for Figures {
     fn from(score: &Score) -> Self {
-        let share = |over: u32, forgiven: u32| {
-            (f64::from(over - forgiven.min(over)) / f64::from(score.points.max(1))) as f32
-        };
         Self {
             coverage: score.coverage,
             bad_0_5: score.bad_half,
             bad_1: score.bad_one,
             bad_2: score.bad_two,
-            bad_1_rows_too: share(score.over_one, score.forgiven_one),
-            bad_2_rows_too: share(score.over_two, score.forgiven_two),
+            bad_1_rows_too: score.bad_one_rows_too(),
+            bad_2_rows_too: score.bad_two_rows_too(),
             median: score.median,
             points: score.points,
             mismatches: score.mismatches,

@@ -244,6 +244,23 @@ pub struct Score {
     pub forgiven_two: u32,
 }
 
+impl Score {
+    /// Share of the points whose error exceeds one pixel, rows forgiven like columns along level contours.
+    pub fn bad_one_rows_too(&self) -> f32 {
+        self.rows_too(self.over_one, self.forgiven_one)
+    }
+
+    /// The same of two pixels.
+    pub fn bad_two_rows_too(&self) -> f32 {
+        self.rows_too(self.over_two, self.forgiven_two)
+    }
+
+    fn rows_too(&self, over: u32, forgiven: u32) -> f32 {
+        let left = f64::from(over.saturating_sub(forgiven));
+        (left / f64::from(self.points.max(1))) as f32
+    }
+}
+
 /// A point of the curve of error over coverage: what the surest points amount to.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -28,7 +28,9 @@ struct CurvesReport {
     sigma_squared: f32,
     /// Pixels of true contours that count.
     contours_px: f32,
-    /// Share of them that lies on curves.
+    /// Pixels of others that have contrast: too short, or beside a stronger one.
+    left_out_px: f32,
+    /// Share of those that count which lies on curves.
     on_curves: f32,
     silhouettes: Kind,
     creases: Kind,
@@ -93,6 +95,7 @@ impl CurvesReport {
         Self {
             sigma_squared,
             contours_px: tracked.contours,
+            left_out_px: tracked.left_out,
             on_curves: share(tracked.on_curves, tracked.contours),
             silhouettes: kind(ContourKind::Silhouette),
             creases: kind(ContourKind::Crease),
@@ -181,13 +184,14 @@ fn tracked(known: &[(&str, &ContoursReport)], width: usize, text: &mut String) {
         text.push('\n');
     };
     put(format_args!(
-        "\ntrue contours of 32 px and more: what share of them lies on tracked curves, in %"
+        "\ntrue contours of 32 px and more: what share of them lies on tracked curves, in %; left out is what is shorter or beside a stronger one"
     ));
     put(format_args!(
-        "{:<width$} {:>4} {:>11} {:>6} {:>11} {:>7} {:>6} {:>7} | {:>6} {:>11}",
+        "{:<width$} {:>4} {:>11} {:>8} {:>6} {:>11} {:>7} {:>6} {:>7} | {:>6} {:>11}",
         "scene",
         "σ²",
         "contours px",
+        "left out",
         "all",
         "silhouettes",
         "creases",
@@ -206,9 +210,10 @@ fn tracked(known: &[(&str, &ContoursReport)], width: usize, text: &mut String) {
             ];
             let [silhouettes, creases, marks, shadows] = kinds.map(|kind| percent(kind.on_curves));
             put(format_args!(
-                "{name:<width$} {:>4} {:>11.0} {:>6} {silhouettes:>11} {creases:>7} {marks:>6} {shadows:>7} | {:>6} {:>11}",
+                "{name:<width$} {:>4} {:>11.0} {:>8.0} {:>6} {silhouettes:>11} {creases:>7} {marks:>6} {shadows:>7} | {:>6} {:>11}",
                 curves.sigma_squared,
                 curves.contours_px,
+                curves.left_out_px,
                 percent(Some(curves.on_curves)),
                 curves.curves,
                 curves.curves_seen,

@@ -40,7 +40,9 @@ const TURNED: f32 = std::f32::consts::FRAC_1_SQRT_2;
 pub struct Tracked {
     /// Pixels of contours that count, of all kinds.
     pub contours: f32,
-    /// Pixels of them that lie on curves.
+    /// Pixels of contours that have contrast and do not count: too short, or beside a stronger one.
+    pub left_out: f32,
+    /// Pixels of those that count which lie on curves.
     pub on_curves: f32,
     /// The same of each kind, in the order of [`ContourKind::ALL`].
     pub kinds: [[f32; 2]; 4],
@@ -281,7 +283,11 @@ impl Contours {
             seen: self.seen(curves).iter().map(|&seen| u32::from(seen)).sum(),
             ..Tracked::default()
         };
-        for (spot, is_on) in self.spots.iter().zip(is_on).filter(|(spot, _)| spot.counts) {
+        for (spot, is_on) in self.spots.iter().zip(is_on) {
+            if !spot.counts {
+                tracked.left_out += spot.weight;
+                continue;
+            }
             let on = if is_on { spot.weight } else { 0.0 };
             tracked.contours += spot.weight;
             tracked.on_curves += on;

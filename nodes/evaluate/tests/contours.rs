@@ -463,6 +463,9 @@ fn every_figure_is_what_its_definition_says() {
         let close = |a: f32, b: f32| (a - b).abs() < 0.01;
         assert!(close(found.contours, sum(&|_| true)), "{found:?}");
         assert!(close(found.on_curves, sum(&is_on)), "{found:?}");
+        let rest = (0..all.len()).filter(|&i| all[i].has_contrast && !counts[i]);
+        let rest = rest.map(|i| all[i].weight).sum();
+        assert!(close(found.left_out, rest), "{found:?}");
         for (kind, [length, on]) in ContourKind::ALL.into_iter().zip(found.kinds) {
             assert!(close(length, sum(&|i| all[i].kind == kind)));
             assert!(close(on, sum(&|i| all[i].kind == kind && is_on(i))));

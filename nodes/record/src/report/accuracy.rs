@@ -38,7 +38,8 @@ pub(super) fn section(
     out.push_str(
         "<section id=\"accuracy\"><h2>Accuracy</h2><p>Against the truth of the reference view. Coverage: share of its edge \
          pixels (Canny) with known truth that have a point within one pixel. Bad: share of the points whose disparity is \
-         off by more than so many pixels. Mismatches: points off by over two pixels from every truth around them, false \
+         off by more than so many pixels from every truth within two columns; rows too: and, along level contours, within three \
+         rows. Mismatches: points off by over two pixels from every truth around them, false \
          targets.</p>",
     );
     for &scan in shown {
@@ -95,7 +96,8 @@ pub(super) fn is_there(recording: &Recording) -> bool {
 fn scores(out: &mut String, recording: &Recording, evaluation: &Owned<Evaluation>) -> fmt::Result {
     out.push_str(
         "<div class=\"wide\"><table><thead><tr><th>channel</th><th class=\"n\">coverage</th><th class=\"n\">bad 0.5 %</th>\
-         <th class=\"n\">bad 1 %</th><th class=\"n\">bad 2 %</th><th class=\"n\">median px</th><th class=\"n\">points</th>\
+         <th class=\"n\">bad 1 %</th><th class=\"n\">bad 2 %</th><th class=\"n\">rows too: bad 1 %</th>\
+         <th class=\"n\">bad 2 %</th><th class=\"n\">median px</th><th class=\"n\">points</th>\
          <th class=\"n\">mismatches</th></tr></thead><tbody>",
     );
     let channels = &recording.metadata().rig.channels;
@@ -108,11 +110,14 @@ fn scores(out: &mut String, recording: &Recording, evaluation: &Owned<Evaluation
         writeln!(
             out,
             "<tr><td>{channel}</td><td class=\"n\">{:.3}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
-             <td class=\"n\">{}</td><td class=\"n\">{:.3}</td><td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
+             <td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{:.3}</td>\
+             <td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
             score.coverage,
             percent(score.bad_half),
             percent(score.bad_one),
             percent(score.bad_two),
+            percent(score.bad_one_rows_too()),
+            percent(score.bad_two_rows_too()),
             score.median,
             count(score.points.into()),
             count(score.mismatches.into()),
