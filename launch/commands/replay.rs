@@ -302,10 +302,12 @@ fn graph(
     if let Some(Value::Object(map)) = tables.get_mut(Stage::Map.name()) {
         map.entry("apart").or_insert(json!(0.0));
     }
-    // Recordings of before R-tables were made only where they are read hold them all; where they hold none, settings of
-    // today decide again.
+    // Recordings of before R-tables were made only where they are read hold them all; where they hold none, the matcher of
+    // this replay, if it has one, decides again.
+    let matches = stages.contains(&Stage::Match);
     if let Some(Value::Object(hough)) = tables.get_mut(Stage::Hough.name()) {
-        if hough.entry("tables").or_insert(json!(true)) == &json!(false) {
+        let made = hough.entry("tables").or_insert(json!(true)) == &json!(true);
+        if matches && !made {
             hough.remove("tables");
         }
     }
