@@ -62,6 +62,7 @@ def main(path, csv_path):
     schemas, images, annotations, points = {}, {}, {}, []
     frames, used_frames = {}, set()
     scan, same_scan = None, {}
+    curve_points, indexed = {}, {}
     with open(path, 'rb') as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory(), JsonDecoders()])
         expect(reader.get_summary() is not None, 'the file has no summary')
@@ -119,12 +120,15 @@ def main(path, csv_path):
                     expect(decoded.message, f'{topic}: an empty line')
                 case 'tricurve.Curves':
                     # Points are named by their edges, or stand here where some are no edges.
-                    runs(decoded.curves, len(decoded.edges) or len(packed(decoded.points)), topic)
+                    of_curves = len(decoded.edges) or len(packed(decoded.points))
+                    runs(decoded.curves, of_curves, topic)
+                    curve_points[message.sequence, topic.removeprefix('curves/')] = of_curves
                 case 'tricurve.Tables':
                     entries = len(decoded.points) or len(packed(decoded.entries))
                     runs(decoded.tables, entries, topic)
                     expect(len(decoded.rows) == decoded.image_height + 1, f'{topic}: rows')
-                    expect(decoded.rows[-1] == (len(decoded.order) or entries), f'{topic}: order')
+                    # Where no order is said it is that of the curves' points.
+                    indexed[message.sequence, topic.removeprefix('tables/')] = (decoded.rows[-1], len(decoded.order))
                 case 'tricurve.Matches':
                     runs(decoded.matches, len(packed(decoded.points)), topic)
                     expect(all(r.reason > 0 for r in decoded.rejected), f'{topic}: no reason')
@@ -136,6 +140,8 @@ def main(path, csv_path):
                     expect(False, f'{topic}: unknown schema {other}')
     for key, times in annotations.items():
         expect(times == {images.get(key)}, f'annotations of {key}: {times}, the image {images.get(key)}')
+    for key, (rows, order) in indexed.items():
+        expect(rows == (order or curve_points[key]), f'tables {key}: {rows} points by row, {order}, {curve_points[key]} of curves')
     for frame in (f for f in used_frames if f.endswith('_optical')):
         at = frame
         while at in frames:
