@@ -60,9 +60,9 @@ impl Matcher {
             self.place_rows(views, view);
         }
         // What sways along a rail has been put right, frame by frame.
-        let most = if has_coarser { FINER } else { s.window_rows };
-        if most.min(s.window_rows) >= FINEST && self.is_steady {
-            let most = most.min(s.window_rows / 2.0);
+        let reach = if has_coarser { FINER } else { f32::INFINITY };
+        let most = reach.min(s.window_rows / 2.0);
+        if most >= FINEST && self.is_steady {
             self.align_rows(views, size, steps, &bands, &ballot, most);
         }
         self.nodes.clear();
@@ -159,6 +159,7 @@ impl Matcher {
             }
         }
     }
+
     /// The average disparity that the coarser channel knows about a curve's points.
     fn predicted(&self, points: &[Edge]) -> Option<f32> {
         let asked = points.iter().step_by(ASKED);

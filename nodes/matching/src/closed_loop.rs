@@ -10,7 +10,7 @@ use crate::ChannelView;
 use crate::course::{Band, Course};
 use crate::rows::Rows;
 use crate::triple::Steps;
-use crate::vote::{Ballot, Lowered, Peak, Side, Votes};
+use crate::vote::{Ballot, Lowered, Peak, Side, Votes, Way};
 
 /// When a loop is closed.
 #[derive(Clone, Debug)]
@@ -83,8 +83,14 @@ impl ClosedLoop {
         ballot: &Ballot,
     ) -> Lowered {
         let sides = sides(&self.places, views);
-        self.votes
-            .agreement(label, &sides[reference], &sides[to], steps, band, ballot)
+        let way = Way {
+            from: &sides[reference],
+            to: &sides[to],
+            steps,
+            band,
+            ballot,
+        };
+        self.votes.agreement(label, &way)
     }
 
     /// Looks for the partners of a curve of the reference view; gives how far the search came when there are none.
@@ -106,16 +112,14 @@ impl ClosedLoop {
         let curve = &views.views[steps.reference].curves.curves[label as usize];
         let here = |course: Course| course.at(curve.y, curve.x);
         let mut step = |(from, label), to, steps, band: &Band, peaks: &mut Vec<Peak>| {
-            votes.count(
-                label,
-                &sides[from],
-                &sides[to],
+            let way = Way {
+                from: &sides[from],
+                to: &sides[to],
                 steps,
                 band,
                 ballot,
-                closing.score,
-                peaks,
-            );
+            };
+            votes.count(label, &way, closing.score, peaks);
             let is_voted_for = !peaks.is_empty();
             peaks.retain(|peak: &Peak| peak.score >= closing.score);
             peaks.truncate(closing.tries);

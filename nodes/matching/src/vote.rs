@@ -50,6 +50,16 @@ pub(crate) struct Side<'a> {
     pub(crate) places: &'a [(f32, f32)],
 }
 
+/// A search: from which view to which, how many steps to the right, at what disparities, and how votes are counted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Way<'a> {
+    pub(crate) from: &'a Side<'a>,
+    pub(crate) to: &'a Side<'a>,
+    pub(crate) steps: f32,
+    pub(crate) band: &'a Band,
+    pub(crate) ballot: &'a Ballot,
+}
+
 /// A vote of an entry for a curve.
 #[derive(Clone, Copy, Debug)]
 struct Cast {
@@ -76,30 +86,23 @@ const LENGTHS: u32 = 2;
 impl Votes {
     /// Lets a table vote for the curves of another view, `steps` to the right, and gives each one's peak, the most votes
     /// first.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "what, from where to where, how, and the result"
-    )]
-    pub(crate) fn count(
-        &mut self,
-        label: u32,
-        from: &Side<'_>,
-        to: &Side<'_>,
-        steps: f32,
-        band: &Band,
-        ballot: &Ballot,
-        least: f32,
-        peaks: &mut Vec<Peak>,
-    ) {
+    pub(crate) fn count(&mut self, label: u32, way: &Way<'_>, least: f32, peaks: &mut Vec<Peak>) {
+        let Way {
+            from,
+            to,
+            steps,
+            band,
+            ballot,
+        } = *way;
         peaks.clear();
         let Some((table, entries)) = table_of(from, label) else {
             return;
         };
         let middle = (table.y - from.lower, table.x);
-        let steep = self.cast(entries, from, to, steps, band, ballot);
+        let steep = self.cast(entries, way);
         let found_by_votes = steep >= STEEP * table.weight;
         if !found_by_votes {
-            self.cast_flat(entries, from, to, steps, band, ballot);
+            self.cast_flat(entries, way);
         }
         self.cast
             .sort_unstable_by_key(|cast| (cast.curve, cast.entry));
@@ -162,15 +165,14 @@ impl Votes {
     }
 
     /// Casts the votes of the entries that have a column in their row; gives what these entries weigh.
-    fn cast(
-        &mut self,
-        entries: &[Entry],
-        from: &Side<'_>,
-        to: &Side<'_>,
-        steps: f32,
-        band: &Band,
-        ballot: &Ballot,
-    ) -> f32 {
+    fn cast(&mut self, entries: &[Entry], way: &Way<'_>) -> f32 {
+        let Way {
+            from,
+            to,
+            steps,
+            band,
+            ballot,
+        } = *way;
         self.cast.clear();
         let mut steep = 0.0;
         for (number, entry) in (0..).zip(entries) {
@@ -200,15 +202,14 @@ impl Votes {
     }
 
     /// Casts votes of all entries for whatever lies about where they may be: of these only the curves count.
-    fn cast_flat(
-        &mut self,
-        entries: &[Entry],
-        from: &Side<'_>,
-        to: &Side<'_>,
-        steps: f32,
-        band: &Band,
-        ballot: &Ballot,
-    ) {
+    fn cast_flat(&mut self, entries: &[Entry], way: &Way<'_>) {
+        let Way {
+            from,
+            to,
+            steps,
+            band,
+            ballot,
+        } = *way;
         self.cast.clear();
         for (number, entry) in (0..).zip(entries) {
             let Some(edge) = from.view.curves.points.get(entry.point as usize) else {
@@ -243,19 +244,18 @@ impl Votes {
     /// Takes the votes of a curve for the curve that agrees best with one course, those in the middle of the lane counting
     /// most: how well they agree, and by how many rows more the other view's picture would have to lie lower for them to
     /// agree better.
-    pub(crate) fn agreement(
-        &mut self,
-        label: u32,
-        from: &Side<'_>,
-        to: &Side<'_>,
-        steps: f32,
-        band: &Band,
-        ballot: &Ballot,
-    ) -> Lowered {
+    pub(crate) fn agreement(&mut self, label: u32, way: &Way<'_>) -> Lowered {
+        let Way {
+            from,
+            steps,
+            band,
+            ballot,
+            ..
+        } = *way;
         let Some((table, entries)) = table_of(from, label) else {
             return Lowered::default();
         };
-        self.cast(entries, from, to, steps, band, ballot);
+        self.cast(entries, way);
         self.cast
             .sort_unstable_by_key(|cast| (cast.curve, cast.entry));
         let middle = (table.y - from.lower, table.x);
@@ -547,8 +547,14 @@ mod tests {
             places: &of_b,
         };
         let mut peaks = Vec::new();
-        let band = Band::level(range);
-        Votes::default().count(label, &from, &to, steps, &band, ballot, 0.0, &mut peaks);
+        let way = Way {
+            from: &from,
+            to: &to,
+            steps,
+            band: &Band::level(range),
+            ballot,
+        };
+        Votes::default().count(label, &way, 0.0, &mut peaks);
         peaks
     }
 
