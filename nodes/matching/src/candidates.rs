@@ -5,10 +5,13 @@
 //! between the outer views gives the precision, the short one the uniqueness. Without the third view every like point
 //! in the neighbouring one is a candidate.
 
+use std::cmp::Ordering;
+
 use messages::{NONE, Reason};
+use wide::i16x8;
 
 use crate::rivals::{APART, Rivals};
-use crate::rows::{Rows, Spot, is_flat, turn};
+use crate::rows::{Rows, Spot, around, is_flat, turn, wider};
 use crate::surroundings::Surroundings;
 use crate::triple::Steps;
 use crate::{Range, Settings};
@@ -43,6 +46,12 @@ impl Candidate {
         rival: f32::INFINITY,
         repeats: false,
     };
+
+    /// Which of two candidates of a point comes first: the cheaper one.
+    fn order(&self, other: &Self) -> Ordering {
+        let cheaper = self.cost.total_cmp(&other.cost);
+        cheaper.then(self.spots.cmp(&other.spots))
+    }
 
     /// What the cheapest one costs that the point might be instead, seen or not; no more than choosing nothing, 1.
     pub(crate) fn rival_among(&self, all: &[Self]) -> f32 {
@@ -141,7 +150,7 @@ impl Candidates {
                 };
                 let reason = search(spot, row, range, &mut self.list);
                 let own = &mut self.list[start..];
-                own.sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then(a.spots.cmp(&b.spots)));
+                own.sort_unstable_by(Candidate::order);
                 lost[spot.point as usize] = match own.first() {
                     Some(best) if best.cost < like.nothing => Reason::Unsteady,
                     _ => reason,
@@ -159,7 +168,7 @@ impl Candidates {
     }
 }
 
-/// Appends the pairs of points in the near and the far view that may show the same place as a point of the reference
+/// Appends the best pairs of points in the near and the far view that may show the same place as a point of the reference
 /// view, and says what became of those that may not; without the third view the points of the near view.
 pub(crate) fn pairs(
     rows: &[Rows; 3],
@@ -170,52 +179,92 @@ pub(crate) fn pairs(
     list: &mut Vec<Candidate>,
 ) -> Reason {
     let (near, far) = (&rows[steps.near], &rows[steps.far]);
+    let mut best = Best::new(list, like);
     let mut reason = Reason::NoPartner;
-    for (n, beside) in near.within(row, spot.x, steps.to_near, range) {
+    let facing = (spot.orientation, like.turn);
+    for (n, beside) in near.facing(row, range.columns(spot.x, steps.to_near), facing) {
         let near_turn = turn(spot.orientation, beside.orientation);
-        if near_turn > like.turn {
-            continue;
-        }
         let short = (spot.x - beside.x) / steps.to_near;
         if !steps.third {
             reason = Reason::Unlike;
-            let cost = like.cost(spot, [beside], near_turn, 0.0);
-            if cost < like.most && range.contains(short) {
-                list.push(Candidate {
-                    disparity: short,
-                    cost,
-                    spots: [n as u32, NONE],
-                    curves: [beside.curve, NONE],
-                    ..Candidate::FOUND
-                });
+            if range.contains(short) {
+                best.offer(
+                    like.cost(spot, [beside], near_turn, 0.0, best.dearest()),
+                    Candidate {
+                        disparity: short,
+                        spots: [n as u32, NONE],
+                        curves: [beside.curve, NONE],
+                        ..Candidate::FOUND
+                    },
+                );
             }
             continue;
         }
         reason = reason.max(Reason::ThirdView);
         let expected = spot.x - steps.to_far * short;
-        for (f, beyond) in far.between(row, expected - like.miss, expected + like.miss) {
+        for (f, beyond) in far.facing(row, around(expected, like.miss), facing) {
             let far_turn = turn(spot.orientation, beyond.orientation);
-            if far_turn > like.turn {
-                continue;
-            }
             reason = Reason::Unlike;
             let xs = steps.in_order(spot.x, beside.x, beyond.x);
             let (disparity, bend) = steps.measure(xs);
-            let miss = (beyond.x - expected).abs();
-            let cost = like.cost(spot, [beside, beyond], near_turn + far_turn, miss);
-            if cost < like.most && range.contains(disparity) {
-                list.push(Candidate {
+            if !range.contains(disparity) {
+                continue;
+            }
+            let (turns, miss) = (near_turn + far_turn, (beyond.x - expected).abs());
+            best.offer(
+                like.cost(spot, [beside, beyond], turns, miss, best.dearest()),
+                Candidate {
                     disparity,
-                    cost,
                     bend,
                     spots: [n as u32, f as u32],
                     curves: [beside.curve, beyond.curve],
                     ..Candidate::FOUND
-                });
-            }
+                },
+            );
         }
     }
     reason
+}
+
+/// The best candidates of a point, cheapest first, at the end of a list.
+struct Best<'a> {
+    list: &'a mut Vec<Candidate>,
+    start: usize,
+    most: f32,
+    keep: usize,
+}
+
+impl<'a> Best<'a> {
+    fn new(list: &'a mut Vec<Candidate>, like: &Likeness) -> Self {
+        Self {
+            start: list.len(),
+            list,
+            most: like.most,
+            keep: like.keep,
+        }
+    }
+
+    /// What is dearer is not kept.
+    fn dearest(&self) -> f32 {
+        match self.list.last() {
+            Some(last) if self.list.len() == self.start + self.keep => last.cost,
+            _ => self.most,
+        }
+    }
+
+    fn offer(&mut self, cost: Option<f32>, candidate: Candidate) {
+        let Some(cost) = cost.filter(|cost| *cost < self.most) else {
+            return;
+        };
+        self.list.push(Candidate { cost, ..candidate });
+        let own = &mut self.list[self.start..];
+        let mut at = own.len() - 1;
+        while at > 0 && own[at].order(&own[at - 1]).is_lt() {
+            own.swap(at, at - 1);
+            at -= 1;
+        }
+        self.list.truncate(self.start + self.keep);
+    }
 }
 
 impl Likeness {
@@ -239,7 +288,7 @@ impl Likeness {
     }
 
     /// Cost of taking a point for its likes in one or two other views, from which it turns by `turns` in all; they miss
-    /// one straight motion by `miss` pixels.
+    /// one straight motion by `miss` pixels. None where it is found to be above `dearest`.
     #[inline]
     pub(crate) fn cost<const N: usize>(
         &self,
@@ -247,29 +296,23 @@ impl Likeness {
         others: [&Spot; N],
         turns: f32,
         miss: f32,
-    ) -> f32 {
-        self.turn_cost * turns / (N as f32 * self.turn)
-            + self.miss_cost * miss / self.miss
-            + self.gray(own, others)
-            + self.magnitude(own, others)
+        dearest: f32,
+    ) -> Option<f32> {
+        let placed =
+            self.turn_cost * turns / (N as f32 * self.turn) + self.miss_cost * miss / self.miss;
+        let shaded = placed + self.gray(own, others);
+        (shaded <= dearest).then(|| shaded + self.magnitude(own, others))
     }
 
     /// Cost of the gray levels beside the points: each side for itself, the better one weighing more, because at an
     /// occluding edge only one side is preserved.
     fn gray<const N: usize>(&self, own: &Spot, others: [&Spot; N]) -> f32 {
-        let differences: [u16; 8] = std::array::from_fn(|i| {
-            let different = |other: &Spot| u16::from(own.profile[i].abs_diff(other.profile[i]));
-            others.into_iter().map(different).sum()
-        });
-        let side = |samples: [usize; 4]| {
-            let sum: u16 = samples
-                .into_iter()
-                .zip(WEIGHTS)
-                .map(|(i, weight)| weight * differences[i])
-                .sum();
-            f32::from(sum) / f32::from(N as u16 * WEIGHTS.iter().sum::<u16>())
-        };
-        let (left, right) = (side([3, 2, 1, 0]), side([4, 5, 6, 7]));
+        let mut differences = i16x8::ZERO;
+        for other in others {
+            differences += apart(own.profile, other.profile);
+        }
+        let [left, right] = sides(differences, WEIGHTS)
+            .map(|sum| sum as f32 / (N as i32 * WEIGHTS_OF_A_SIDE) as f32);
         let mean = self.better * left.min(right) + (1.0 - self.better) * left.max(right);
         (self.gray_cost * mean).min(self.gray_most)
     }
@@ -282,13 +325,8 @@ impl Likeness {
         if turn > self.turn {
             return None;
         }
-        let side = |samples: std::ops::Range<usize>| -> u16 {
-            let pairs = own.levels[samples.clone()]
-                .iter()
-                .zip(&other.levels[samples]);
-            pairs.map(|(a, b)| u16::from(a.abs_diff(*b))).sum()
-        };
-        let mean = f32::from(side(0..4).min(side(4..8))) / 4.0;
+        let [left, right] = sides(apart(own.levels, other.levels), i16x8::splat(1));
+        let mean = left.min(right) as f32 / 4.0;
         let gray = self.gray_cost * own.sixteenths * mean;
         Some(gray + self.turn_cost * turn / self.turn)
     }
@@ -301,5 +339,21 @@ impl Likeness {
     }
 }
 
-/// How the samples of a side count, from the edge outwards.
-const WEIGHTS: [u16; 4] = [4, 7, 6, 3];
+/// How the samples count: on either side the same, from the edge outwards 4, 7, 6, 3.
+const WEIGHTS: i16x8 = i16x8::new([3, 6, 7, 4, 4, 7, 6, 3]);
+
+/// What they sum up to on a side.
+const WEIGHTS_OF_A_SIDE: i32 = 20;
+
+/// By how much two profiles differ, sample by sample.
+#[inline]
+fn apart(a: [u8; 8], b: [u8; 8]) -> i16x8 {
+    (wider(a) - wider(b)).abs()
+}
+
+/// The weighted sums of the samples to the left and to the right.
+#[inline]
+fn sides(differences: i16x8, weights: i16x8) -> [i32; 2] {
+    let [far_left, left, right, far_right] = differences.dot(weights).to_array();
+    [far_left + left, right + far_right]
+}

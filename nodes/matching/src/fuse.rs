@@ -10,7 +10,9 @@ pub(crate) struct Fuse {
     /// For every pixel the score of the point whose disparity it shows.
     scores: Vec<f32>,
     unsorted: Vec<Point>,
-    keys: Vec<(u64, u32)>,
+    /// Column and index of every point, row by row.
+    keys: Vec<u64>,
+    ends: Vec<u32>,
 }
 
 impl Fuse {
@@ -101,24 +103,39 @@ impl Fuse {
                 }
             }
         }
-        self.sort(points);
+        self.sort(height, points);
     }
 
     /// Sorts row by row, left to right.
-    fn sort(&mut self, points: &mut PointsRoom<'_>) {
+    fn sort(&mut self, height: usize, points: &mut PointsRoom<'_>) {
         self.unsorted.clear();
         self.unsorted.extend_from_slice(&points.points);
+        let row = |point: &Point| point.v as usize;
+        // Where each row's points start, and then, as they are put there, where they end.
+        self.ends.clear();
+        self.ends.resize(height, 0);
+        for point in &self.unsorted {
+            self.ends[row(point)] += 1;
+        }
+        let mut start = 0;
+        for end in &mut self.ends {
+            (*end, start) = (start, start + *end);
+        }
         self.keys.clear();
-        // Coordinates are not negative, so their bits sort as they do.
-        let key = |point: &Point| (u64::from(point.v as u32) << 32) | u64::from(point.u.to_bits());
-        self.keys.extend(
-            (0..)
-                .zip(&self.unsorted)
-                .map(|(index, point)| (key(point), index)),
-        );
-        self.keys.sort_unstable();
-        for (sorted, &(_, index)) in points.points.iter_mut().zip(&self.keys) {
-            *sorted = self.unsorted[index as usize];
+        self.keys.resize(self.unsorted.len(), 0);
+        for (index, point) in (0..).zip(&self.unsorted) {
+            let end = &mut self.ends[row(point)];
+            // Coordinates are not negative, so their bits sort as they do.
+            self.keys[*end as usize] = (u64::from(point.u.to_bits()) << 32) | index;
+            *end += 1;
+        }
+        let mut start = 0;
+        for &end in &self.ends {
+            self.keys[start..end as usize].sort_unstable();
+            start = end as usize;
+        }
+        for (sorted, &key) in points.points.iter_mut().zip(&self.keys) {
+            *sorted = self.unsorted[key as u32 as usize];
         }
     }
 }

@@ -71,6 +71,13 @@ impl Range {
     fn contains(self, disparity: f32) -> bool {
         (self.least..=self.most).contains(&disparity)
     }
+
+    /// The first and the last column at which a point at column `x` of the reference view may be in a view so many
+    /// baselines `to` its right.
+    fn columns(self, x: f32, to: f32) -> [f32; 2] {
+        let ends = [x - to * self.most, x - to * self.least];
+        [ends[0].min(ends[1]), ends[0].max(ends[1])]
+    }
 }
 
 /// The matcher, with its memory: it grows to the largest scan and is reused from then on.

@@ -8,7 +8,7 @@
 use messages::Size;
 
 use crate::candidates::Likeness;
-use crate::rows::{Rows, Spot, is_flat};
+use crate::rows::{Rows, Spot, around, is_flat};
 
 /// Columns and rows a cell measures.
 const CELL: f32 = 32.0;
@@ -98,7 +98,8 @@ impl Repetition {
             }
             let here = self.cell(spot.x, row);
             self.points[here] += 1.0;
-            for (_, other) in own.between(row, spot.x + NEXT, spot.x + self.reach) {
+            let columns = [spot.x + NEXT, spot.x + self.reach];
+            for (_, other) in own.facing(row, columns, (spot.orientation, like.turn)) {
                 if is_like(like, spot, other) {
                     let bin = self.bin(other.x - spot.x);
                     let there = self.cell(other.x, row);
@@ -164,15 +165,21 @@ impl Repetition {
             is_shared(distance, self.share + BETWEEN * between)
                 && is_shared(distance * self.ratio, 0.5 * self.share)
         };
-        let around = own.between(row, spot.x - self.reach, spot.x + self.reach);
-        let distances = around
-            .map(|(_, other)| ((other.x - spot.x).abs(), other))
-            .filter(|&(distance, other)| {
-                distance > FINE && is_period(distance) && is_like(like, spot, other)
-            });
-        let least = distances
-            .map(|(distance, _)| distance)
-            .min_by(f32::total_cmp)?;
+        let mut least = f32::INFINITY;
+        let facing = (spot.orientation, like.turn);
+        for (_, other) in own.facing(row, around(spot.x, self.reach), facing) {
+            let distance = (other.x - spot.x).abs();
+            if distance > FINE
+                && distance < least
+                && is_like(like, spot, other)
+                && is_period(distance)
+            {
+                least = distance;
+            }
+        }
+        if least == f32::INFINITY {
+            return None;
+        }
         let shared = self.recurring(cell, least).unwrap_or_default();
         let is_multiple = (2..=4)
             .map(|parts| least / parts as f32)
@@ -197,8 +204,9 @@ pub(crate) fn followers(
             if !(BORDER..=width - 1.0 - BORDER).contains(&next) {
                 return None;
             }
+            let facing = (spot.orientation, like.turn);
             let likes = rows
-                .between(row, next - MISS, next + MISS)
+                .facing(row, around(next, MISS), facing)
                 .filter(|(_, other)| is_like(like, spot, other));
             let off = |other: &Spot| (other.x - next).abs();
             let Some((_, other)) = likes.min_by(|a, b| off(a.1).total_cmp(&off(b.1))) else {

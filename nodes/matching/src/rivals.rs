@@ -16,11 +16,14 @@ use messages::NONE;
 use crate::Range;
 use crate::candidates::{Candidate, Likeness};
 use crate::repetition::{self, BORDER, Repetition};
-use crate::rows::{Rows, Spot};
+use crate::rows::{Rows, Spot, around};
 use crate::triple::Steps;
 
 /// Pixels of disparity within which two candidates are not rivals.
 pub(crate) const APART: f32 = 1.0;
+
+/// Pixels of disparity by which rounding may move the ends of what is in sight.
+const ROUNDING: f32 = 0.01;
 
 /// The search for rivals.
 #[derive(Debug)]
@@ -110,14 +113,23 @@ impl<'a> Rivals<'a> {
         shown.count() < self.count
     }
 
+    /// Disparities at which a point is surely in sight: of the near and the far view both.
+    fn in_sight(&self, x: f32) -> Range {
+        let mut all = Range {
+            least: f32::NEG_INFINITY,
+            most: f32::INFINITY,
+        };
+        for (_, to) in &self.beside[..self.count] {
+            let ends = [self.width - 1.0 - BORDER, BORDER].map(|end| (x - end) / to);
+            all.least = all.least.max(ends[0].min(ends[1]) + ROUNDING);
+            all.most = all.most.min(ends[0].max(ends[1]) - ROUNDING);
+        }
+        all
+    }
+
     /// The cost of the cheapest rival that the search did not see.
-    fn hidden(
-        &self,
-        like: &Likeness,
-        (spot, row): (&Spot, usize),
-        range: Range,
-        disparity: f32,
-    ) -> f32 {
+    fn hidden(&self, like: &Likeness, at: (&Spot, usize), range: Range, disparity: f32) -> f32 {
+        let (spot, row) = at;
         // Where a coarser channel narrowed the search, it excluded what is beyond. Else what is nearer than the nearest
         // searched is asked for too.
         let is_whole = range.least <= self.full.least && range.most >= self.full.most;
@@ -131,25 +143,36 @@ impl<'a> Rivals<'a> {
         if !is_whole && !is_beyond(range.least) && !is_beyond(range.most) {
             return least;
         }
-        let reach = self.unit * (disparity - range.least).max(most - disparity);
-        for (_, other) in self.own.between(row, spot.x - reach, spot.x + reach) {
-            let by = (other.x - spot.x).abs() / self.unit;
-            if by <= APART {
-                continue;
-            }
-            let is_hidden = |rival: &f32| (range.least..=most).contains(rival) && is_beyond(*rival);
-            let mut rivals = [disparity - by, disparity + by]
-                .into_iter()
-                .filter(is_hidden)
-                .peekable();
-            if rivals.peek().is_none() {
-                continue;
-            }
-            let Some(cost) = like.alike(spot, other).filter(|cost| *cost < least) else {
-                continue;
-            };
-            for rival in rivals {
-                least = least.min(cost.max(self.unlike_at(like, (spot, row), rival)));
+        // Rivals are nowhere nearer by than what the search has surely seen.
+        let sight = self.in_sight(spot.x);
+        let up = (most, sight.most.min(range.most));
+        let down = (range.least, sight.least.max(range.least));
+        let reach = (disparity - down.0).max(up.0 - disparity);
+        let seen = match sight.least <= range.least {
+            true => up.1 - disparity,
+            false => (disparity - down.1).min(up.1 - disparity),
+        };
+        let (seen, reach) = (self.unit * (seen - ROUNDING).max(APART), self.unit * reach);
+        let facing = (spot.orientation, like.turn);
+        for columns in [
+            [spot.x - reach, spot.x - seen],
+            [spot.x + seen, spot.x + reach],
+        ] {
+            for (_, other) in self.own.facing(row, columns, facing) {
+                let by = (other.x - spot.x).abs() / self.unit;
+                if by <= APART {
+                    continue;
+                }
+                let mut cost = None;
+                for rival in [disparity - by, disparity + by] {
+                    if !(range.least..=most).contains(&rival) || !is_beyond(rival) {
+                        continue;
+                    }
+                    let cost = *cost.get_or_insert_with(|| like.alike(spot, other, least));
+                    if let Some(cost) = cost.filter(|cost| *cost < least) {
+                        least = least.min(cost.max(self.unlike_at(like, at, rival)));
+                    }
+                }
             }
         }
         least
@@ -163,8 +186,9 @@ impl<'a> Rivals<'a> {
             if !self.is_inside(x) {
                 return 0.0;
             }
-            let there = rows.between(row, x - like.miss, x + like.miss);
-            let costs = there.filter_map(|(_, other)| like.alike(spot, other));
+            let facing = (spot.orientation, like.turn);
+            let there = rows.facing(row, around(x, like.miss), facing);
+            let costs = there.filter_map(|(_, other)| like.alike(spot, other, f32::INFINITY));
             costs.fold(f32::INFINITY, f32::min)
         };
         self.looks().map(unlike).fold(0.0, f32::max)

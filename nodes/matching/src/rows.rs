@@ -1,6 +1,7 @@
 //! A view's curve points by image row: what every search along an epipolar line walks.
 
 use messages::{Edge, NONE, Size, Sway};
+use wide::{f32x4, f32x8, i16x8, i32x8, u8x16};
 
 use crate::{ChannelView, Range};
 
@@ -37,6 +38,9 @@ const CELL: usize = 8;
 pub(crate) struct Rows {
     /// Row by row, left to right.
     pub(crate) spots: Vec<Spot>,
+    /// What most spots are told from each other by, their columns and orientations, with room for [`LANES`] more.
+    columns: Vec<f32>,
+    orientations: Vec<f32>,
     /// Where each row starts, and where the last ends.
     starts: Vec<u32>,
     /// Per row and cell of [`CELL`] columns the first spot at or behind the cell's start.
@@ -111,6 +115,19 @@ impl Rows {
             self.cells.pop();
             self.starts.push(self.spots.len() as u32);
         }
+        self.line_up();
+    }
+
+    /// Puts what is compared first side by side.
+    fn line_up(&mut self) {
+        let room = [0.0; LANES];
+        self.columns.clear();
+        self.columns.extend(self.spots.iter().map(|spot| spot.x));
+        self.columns.extend(room);
+        self.orientations.clear();
+        let orientations = self.spots.iter().map(|spot| spot.orientation);
+        self.orientations.extend(orientations);
+        self.orientations.extend(room);
     }
 
     /// Adds the points that a row of the reference view shows of a view that is off: of every contour the one nearest to
@@ -164,6 +181,27 @@ impl Rows {
         }
     }
 
+    /// Of the row's spots from column `least` on, up to column `most`, those whose orientations differ by no more than the
+    /// tolerance, with their indices.
+    pub(crate) fn facing(
+        &self,
+        row: usize,
+        [least, most]: [f32; 2],
+        (orientation, tolerance): (f32, f32),
+    ) -> impl Iterator<Item = (usize, &Spot)> {
+        let facing = Facing {
+            rows: self,
+            from: self.first_near(row, least),
+            end: self.row(row).end,
+            columns: [least, most].map(f32x4::splat),
+            most,
+            orientation: f32x4::splat(orientation),
+            tolerance: f32x4::splat(tolerance),
+            found: 0,
+        };
+        facing.map(|at| (at, &self.spots[at]))
+    }
+
     /// The spots at which a point at column `x` of the reference view may be, its disparity being in the range and this
     /// view so many baselines `to` its right.
     pub(crate) fn within(
@@ -173,8 +211,8 @@ impl Rows {
         to: f32,
         range: Range,
     ) -> impl Iterator<Item = (usize, &Spot)> {
-        let ends = [x - to * range.most, x - to * range.least];
-        self.between(row, ends[0].min(ends[1]), ends[0].max(ends[1]))
+        let [least, most] = range.columns(x, to);
+        self.between(row, least, most)
     }
 
     /// The row's spots from column `least` on, up to column `most`, with their indices.
@@ -184,13 +222,7 @@ impl Rows {
         least: f32,
         most: f32,
     ) -> impl Iterator<Item = (usize, &Spot)> {
-        let end = self.row(row).end;
-        // A negative column becomes the first cell, one beyond the image the last.
-        let cell = (least as usize / CELL).min(self.per_row.saturating_sub(1));
-        let start = self
-            .cells
-            .get(row * self.per_row + cell)
-            .map_or(end, |&start| start as usize);
+        let (start, end) = (self.first_near(row, least), self.row(row).end);
         let spots = self.spots[start..end]
             .iter()
             .enumerate()
@@ -199,22 +231,85 @@ impl Rows {
             .skip_while(move |(_, spot)| spot.x < least)
             .take_while(move |(_, spot)| spot.x <= most)
     }
+
+    /// A spot of the row shortly before the first one at or behind a column.
+    fn first_near(&self, row: usize, column: f32) -> usize {
+        // A negative column becomes the first cell, one beyond the image the last.
+        let cell = (column as usize / CELL).min(self.per_row.saturating_sub(1));
+        let start = self.cells.get(row * self.per_row + cell);
+        start.map_or(self.row(row).end, |&start| start as usize)
+    }
+}
+
+/// Spots that are looked at in one go.
+const LANES: usize = 4;
+
+/// A walk along a row that stops at spots of one orientation only.
+struct Facing<'a> {
+    rows: &'a Rows,
+    /// The first of the spots that are looked at next.
+    from: usize,
+    end: usize,
+    /// The least and the greatest column.
+    columns: [f32x4; 2],
+    most: f32,
+    orientation: f32x4,
+    tolerance: f32x4,
+    /// One bit each of the spots looked at last that is still to be shown.
+    found: u32,
+}
+
+impl Iterator for Facing<'_> {
+    type Item = usize;
+
+    #[inline]
+    fn next(&mut self) -> Option<usize> {
+        while self.found == 0 {
+            if self.from >= self.end || self.rows.columns[self.from] > self.most {
+                return None;
+            }
+            let lanes = |values: &[f32]| {
+                let mut lanes = [0.0; LANES];
+                lanes.copy_from_slice(&values[self.from..self.from + LANES]);
+                f32x4::new(lanes)
+            };
+            let [least, most] = self.columns;
+            let columns = lanes(&self.rows.columns);
+            let turn = (self.orientation - lanes(&self.rows.orientations)).abs();
+            // As `turn` says it.
+            let half = f32x4::splat(std::f32::consts::PI);
+            let turn = turn
+                .simd_gt(half)
+                .select(f32x4::splat(std::f32::consts::TAU) - turn, turn);
+            let is_found =
+                columns.simd_ge(least) & columns.simd_le(most) & turn.simd_le(self.tolerance);
+            let inside = (1 << (self.end - self.from).min(LANES)) - 1;
+            self.found = is_found.to_bitmask() & inside;
+            self.from += LANES;
+        }
+        let lane = self.found.trailing_zeros() as usize;
+        self.found &= self.found - 1;
+        Some(self.from - LANES + lane)
+    }
 }
 
 impl Spot {
     fn new(edge: &Edge, point: u32, curve: u32, gain: f32) -> Self {
         let magnitude = gain * edge.magnitude;
-        let weighted = edge.profile.into_iter().zip(WEIGHTS);
-        let sum: u16 = weighted.map(|(level, w)| u16::from(level) * w).sum();
-        let mean = f32::from(sum) / f32::from(WEIGHTS.iter().sum::<u16>());
+        let levels = wider(edge.profile);
+        let sum = levels.dot(WEIGHTS).reduce_add();
+        let mean = sum as f32 / SUM_OF_WEIGHTS;
         // Softened where an edge's step is hardly more than noise.
         let sixteenths = gain * 16.0 / (3.0 * magnitude + 3.0);
-        let relative = |level| MEAN + 0.5 + sixteenths * (f32::from(level) - mean);
+        let levels = f32x8::from_i32x8(i32x8::from_i16x8(levels));
+        let relative = (levels - f32x8::splat(mean)) * sixteenths + f32x8::splat(MEAN + 0.5);
+        let inside = relative.fast_max(f32x8::ZERO).fast_min(f32x8::splat(255.0));
+        let whole = i16x8::from_i32x8_saturate(inside.fast_trunc_int());
         Self {
             x: edge.x,
             orientation: edge.orientation,
             magnitude,
-            profile: edge.profile.map(|level| relative(level) as u8),
+            profile: whole.to_array().map(|level| level as u8),
             levels: edge.profile,
             sixteenths,
             point,
@@ -241,10 +336,26 @@ impl Spot {
 const MEAN: f32 = 128.0;
 
 /// Weights of a profile's samples in its mean: the middle ones of either side are steadiest.
-const WEIGHTS: [u16; 8] = [3, 6, 7, 4, 4, 7, 6, 3];
+const WEIGHTS: i16x8 = i16x8::new([3, 6, 7, 4, 4, 7, 6, 3]);
+
+/// What they sum up to.
+const SUM_OF_WEIGHTS: f32 = 40.0;
 
 /// Columns a row that a contour is followed to another row.
 pub(crate) const STEEPEST: f32 = 4.0;
+
+/// A profile's samples as whole numbers that differences and products fit in.
+#[inline]
+pub(crate) fn wider(profile: [u8; 8]) -> i16x8 {
+    let mut samples = [0; 16];
+    samples[..8].copy_from_slice(&profile);
+    i16x8::from_u8x16_low(u8x16::new(samples))
+}
+
+/// The columns from so much before one to so much behind it.
+pub(crate) fn around(column: f32, reach: f32) -> [f32; 2] {
+    [column - reach, column + reach]
+}
 
 /// The angle between two orientations, in radians, 0 to π.
 pub(crate) fn turn(a: f32, b: f32) -> f32 {
@@ -288,6 +399,7 @@ pub(crate) mod tests {
             rows.spots.extend(own);
             rows.starts.push(rows.spots.len() as u32);
         }
+        rows.line_up();
         rows
     }
 

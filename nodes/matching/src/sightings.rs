@@ -8,7 +8,7 @@ use messages::Reason;
 
 use crate::Range;
 use crate::candidates::{Candidate, Likeness};
-use crate::rows::{Rows, Spot, turn};
+use crate::rows::{Rows, Spot, around, turn};
 use crate::triple::Steps;
 
 /// The line through sightings by least squares: columns beside the reference view's, over baselines to its right.
@@ -136,8 +136,9 @@ impl<'a> Sightings<'a> {
         for first in 0..self.orders.len() {
             let own = self.orders[first][0];
             let Look { rows, to, .. } = self.looks[own];
-            for (index, beside) in rows.within(row, spot.x, to, range) {
-                let Some(cost) = like.alike(spot, beside) else {
+            let facing = (spot.orientation, like.turn);
+            for (index, beside) in rows.facing(row, range.columns(spot.x, to), facing) {
+                let Some(cost) = like.alike(spot, beside, f32::INFINITY) else {
                     continue;
                 };
                 reason = reason.max(Reason::ThirdView);
@@ -190,8 +191,9 @@ impl<'a> Sightings<'a> {
             let Look { rows, to, .. } = self.looks[look];
             let expected = line.at(to) + spot.x;
             let mut best = None::<(f32, Sighting)>;
-            for (index, other) in rows.between(row, expected - like.miss, expected + like.miss) {
-                let Some(cost) = like.alike(spot, other) else {
+            let facing = (spot.orientation, like.turn);
+            for (index, other) in rows.facing(row, around(expected, like.miss), facing) {
+                let Some(cost) = like.alike(spot, other, f32::INFINITY) else {
                     continue;
                 };
                 let worth = cost + like.miss_cost * (other.x - expected).abs() / like.miss;
@@ -279,9 +281,13 @@ impl<'a> Sightings<'a> {
 const SAME: f32 = 0.1;
 
 impl Likeness {
-    /// How unlike two points are, wherever they lie; none where their gradients differ too much.
-    pub(crate) fn alike(&self, own: &Spot, other: &Spot) -> Option<f32> {
+    /// How unlike two points are, wherever they lie; none where their gradients differ too much, and where they are found
+    /// to be more unlike than `dearest`.
+    pub(crate) fn alike(&self, own: &Spot, other: &Spot, dearest: f32) -> Option<f32> {
         let turn = turn(own.orientation, other.orientation);
-        (turn <= self.turn).then(|| self.cost(own, [other], turn, 0.0))
+        if turn > self.turn {
+            return None;
+        }
+        self.cost(own, [other], turn, 0.0, dearest)
     }
 }
