@@ -36,14 +36,14 @@ impl Matcher {
         let ratio = (steps.to_far / steps.to_near).abs();
         self.repetition
             .measure(rows, &like, size, (reach, ratio, s.repetition));
-        let rivals = Rivals::new(
+        let mut rivals = Rivals::new(
             &self.rows,
             &steps,
             &self.further,
             &self.repetition,
             (size.width, range),
         );
-        let rivals = (s.repetition < 1.0).then_some(&rivals);
+        let rivals = (s.repetition < 1.0).then_some(&mut rivals);
         match self.further.is_empty() {
             true => self.candidates.gather(
                 rows,

@@ -129,7 +129,7 @@ impl Candidates {
         reference: &Rows,
         (range, predicted): (Range, Option<&Surroundings>),
         like: &Likeness,
-        rivals: Option<&Rivals<'_>>,
+        mut rivals: Option<&mut Rivals<'_>>,
         lost: &mut [Reason],
         mut search: impl FnMut(&Spot, usize, Range, &mut Vec<Candidate>) -> Reason,
     ) {
@@ -142,7 +142,9 @@ impl Candidates {
                     continue;
                 }
                 let start = self.list.len();
-                let period = rivals.and_then(|rivals| rivals.period(like, (spot, row)));
+                let period = rivals
+                    .as_ref()
+                    .and_then(|rivals| rivals.period(like, (spot, row)));
                 // Thin bars escape a coarser channel, which knows what is behind them.
                 let range = match predicted {
                     Some(predicted) if period.is_none() => predicted.range(spot.x, row as f32),
@@ -157,7 +159,7 @@ impl Candidates {
                 };
                 self.list
                     .truncate(start + like.keep.min(self.list.len() - start));
-                if let Some(rivals) = rivals {
+                if let Some(rivals) = &mut rivals {
                     let own = &mut self.list[start..];
                     rivals.judge(like, (spot, row), range, period, own);
                 }

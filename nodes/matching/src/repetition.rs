@@ -40,8 +40,8 @@ pub(crate) struct Repetition {
     /// Cell by cell, one bin a column of distance.
     votes: Vec<f32>,
     points: Vec<f32>,
-    /// The same, summed over three by three cells and three bins.
-    sums: Vec<f32>,
+    /// The same, summed over three by three cells and three bins, as shares of the points there.
+    shares: Vec<f32>,
     totals: Vec<f32>,
     /// Whether a cell has a distance that enough points share.
     repeats: Vec<bool>,
@@ -69,7 +69,7 @@ impl Repetition {
         let cells = self.columns * self.lines;
         for (room, length) in [
             (&mut self.votes, cells * self.bins),
-            (&mut self.sums, cells * self.bins),
+            (&mut self.shares, cells * self.bins),
             (&mut self.points, cells),
             (&mut self.totals, cells),
         ] {
@@ -112,7 +112,7 @@ impl Repetition {
 
     fn sum(&mut self, cell: usize) {
         let bins = self.bins;
-        let sums = &mut self.sums[cell * bins..(cell + 1) * bins];
+        let sums = &mut self.shares[cell * bins..(cell + 1) * bins];
         for line in 0..3 {
             for column in 0..3 {
                 let beside = cell + line * self.columns + column - self.columns - 1;
@@ -125,6 +125,9 @@ impl Repetition {
         }
         let least = self.share * self.totals[cell];
         self.repeats[cell] = self.totals[cell] > FEW && sums.iter().any(|&sum| sum > least);
+        for sum in sums {
+            *sum /= self.totals[cell];
+        }
     }
 
     fn cell(&self, x: f32, row: usize) -> usize {
@@ -139,8 +142,8 @@ impl Repetition {
 
     /// The share of a cell's points that recur at a distance; none beyond what was looked at.
     fn recurring(&self, cell: usize, distance: f32) -> Option<f32> {
-        let sum = self.sums[cell * self.bins + self.bin(distance)];
-        (distance <= self.reach).then(|| sum / self.totals[cell])
+        let share = self.shares[cell * self.bins + self.bin(distance)];
+        (distance <= self.reach).then_some(share)
     }
 
     /// The least distance at which the pattern that a point is part of repeats it, in columns.
@@ -171,6 +174,7 @@ impl Repetition {
             let distance = (other.x - spot.x).abs();
             if distance > FINE
                 && distance < least
+                && is_shared(distance, self.share)
                 && is_like(like, spot, other)
                 && is_period(distance)
             {

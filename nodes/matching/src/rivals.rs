@@ -40,6 +40,8 @@ pub(crate) struct Rivals<'a> {
     full: Range,
     /// Baselines to the near view: a pattern's period over it is what its aliases differ by.
     unit: f32,
+    /// Of the reference view's points that are like one by how much their disparities differ and what they cost.
+    alike: Vec<(f32, f32)>,
 }
 
 impl<'a> Rivals<'a> {
@@ -62,6 +64,7 @@ impl<'a> Rivals<'a> {
             width: width as f32,
             full,
             unit: steps.to_near.abs(),
+            alike: Vec::new(),
         }
     }
 
@@ -74,7 +77,7 @@ impl<'a> Rivals<'a> {
     /// Tells a point's candidates, cheapest first and found in this range, what their cheapest rivals cost that the search
     /// did not see, and whether they are part of a pattern of this period.
     pub(crate) fn judge(
-        &self,
+        &mut self,
         like: &Likeness,
         at: (&Spot, usize),
         range: Range,
@@ -82,15 +85,18 @@ impl<'a> Rivals<'a> {
         candidates: &mut [Candidate],
     ) {
         // What is not worth choosing needs no rivals.
-        let worth = candidates
-            .iter_mut()
-            .take_while(|candidate| candidate.cost < like.nothing);
+        let count = candidates.partition_point(|candidate| candidate.cost < like.nothing);
+        let worth = &mut candidates[..count];
+        let mut alike = std::mem::take(&mut self.alike);
+        self.find_hidden(like, at, range, worth, &mut alike);
+        self.alike = alike;
+        let Some(period) = period else { return };
+        let mut own = None;
         for candidate in worth {
-            candidate.rival = self.hidden(like, at, range, candidate.disparity);
-            candidate.repeats = period.is_some_and(|period| {
-                self.has_alias(candidate.disparity, period)
-                    && !self.ends_agree(like, at, period, candidate)
-            });
+            candidate.repeats = self.has_alias(candidate.disparity, period) && {
+                let own = *own.get_or_insert_with(|| self.likes(self.own, like, at, period));
+                own.is_none_or(|own| !self.ends_agree(like, at, period, candidate, own))
+            };
         }
     }
 
@@ -127,8 +133,19 @@ impl<'a> Rivals<'a> {
         all
     }
 
-    /// The cost of the cheapest rival that the search did not see.
-    fn hidden(&self, like: &Likeness, at: (&Spot, usize), range: Range, disparity: f32) -> f32 {
+    /// Tells candidates what their cheapest rivals cost that the search did not see; what is dearer than choosing nothing
+    /// is none.
+    fn find_hidden(
+        &self,
+        like: &Likeness,
+        at: (&Spot, usize),
+        range: Range,
+        candidates: &mut [Candidate],
+        alike: &mut Vec<(f32, f32)>,
+    ) {
+        for candidate in candidates.iter_mut() {
+            candidate.rival = 1.0;
+        }
         let (spot, row) = at;
         // Where a coarser channel narrowed the search, it excluded what is beyond. Else what is nearer than the nearest
         // searched is asked for too.
@@ -138,60 +155,70 @@ impl<'a> Rivals<'a> {
             false => range.most,
         };
         let is_beyond = |other: f32| other > range.most || self.is_out_of_sight(spot.x, other);
-        // What is dearer than choosing nothing is no rival.
-        let mut least = 1.0;
         if !is_whole && !is_beyond(range.least) && !is_beyond(range.most) {
-            return least;
+            return;
         }
-        // Rivals are nowhere nearer by than what the search has surely seen.
+        // What is alike is the same for all candidates, and nowhere nearer by than what the search has surely seen.
         let sight = self.in_sight(spot.x);
-        let up = (most, sight.most.min(range.most));
-        let down = (range.least, sight.least.max(range.least));
-        let reach = (disparity - down.0).max(up.0 - disparity);
-        let seen = match sight.least <= range.least {
-            true => up.1 - disparity,
-            false => (disparity - down.1).min(up.1 - disparity),
-        };
+        let (mut seen, mut reach) = (f32::INFINITY, 0f32);
+        for Candidate { disparity, .. } in &*candidates {
+            reach = reach.max(disparity - range.least).max(most - disparity);
+            seen = seen.min(sight.most.min(range.most) - disparity);
+            if sight.least > range.least {
+                seen = seen.min(disparity - sight.least);
+            }
+        }
         let (seen, reach) = (self.unit * (seen - ROUNDING).max(APART), self.unit * reach);
-        let facing = (spot.orientation, like.turn);
+        alike.clear();
         for columns in [
             [spot.x - reach, spot.x - seen],
             [spot.x + seen, spot.x + reach],
         ] {
-            for (_, other) in self.own.facing(row, columns, facing) {
+            let others = self.own.facing(row, columns, (spot.orientation, like.turn));
+            alike.extend(others.filter_map(|(_, other)| {
                 let by = (other.x - spot.x).abs() / self.unit;
-                if by <= APART {
-                    continue;
-                }
-                let mut cost = None;
-                for rival in [disparity - by, disparity + by] {
-                    if !(range.least..=most).contains(&rival) || !is_beyond(rival) {
-                        continue;
-                    }
-                    let cost = *cost.get_or_insert_with(|| like.alike(spot, other, least));
-                    if let Some(cost) = cost.filter(|cost| *cost < least) {
-                        least = least.min(cost.max(self.unlike_at(like, at, rival)));
+                let cost = like.alike(spot, other, 1.0)?;
+                (by > APART && cost < 1.0).then_some((by, cost))
+            }));
+        }
+        for candidate in candidates {
+            for &(by, cost) in alike.iter() {
+                for rival in [candidate.disparity - by, candidate.disparity + by] {
+                    if cost < candidate.rival
+                        && (range.least..=most).contains(&rival)
+                        && is_beyond(rival)
+                    {
+                        candidate.rival = self.unlike_at(like, at, rival, cost, candidate.rival);
                     }
                 }
             }
         }
-        least
     }
 
-    /// How unlike at most the other views are where a point of this disparity would be; nothing of those in which it is
-    /// outside.
-    fn unlike_at(&self, like: &Likeness, (spot, row): (&Spot, usize), disparity: f32) -> f32 {
-        let unlike = |(rows, to): (&Rows, f32)| {
+    /// How unlike at most the other views are where a point of this disparity would be, nothing of those in which it is
+    /// outside: at least `least`, and `most` where it is no less than that.
+    fn unlike_at(
+        &self,
+        like: &Likeness,
+        (spot, row): (&Spot, usize),
+        disparity: f32,
+        least: f32,
+        most: f32,
+    ) -> f32 {
+        let mut unlike = least;
+        for (rows, to) in self.looks() {
             let x = spot.x - to * disparity;
             if !self.is_inside(x) {
-                return 0.0;
+                continue;
             }
-            let facing = (spot.orientation, like.turn);
-            let there = rows.facing(row, around(x, like.miss), facing);
-            let costs = there.filter_map(|(_, other)| like.alike(spot, other, f32::INFINITY));
-            costs.fold(f32::INFINITY, f32::min)
-        };
-        self.looks().map(unlike).fold(0.0, f32::max)
+            let there = rows.facing(row, around(x, like.miss), (spot.orientation, like.turn));
+            let costs = there.filter_map(|(_, other)| like.alike(spot, other, most));
+            unlike = unlike.max(costs.fold(f32::INFINITY, f32::min));
+            if unlike >= most {
+                return most;
+            }
+        }
+        unlike
     }
 
     /// Whether the next ones of a pattern are among what is searched.
@@ -200,23 +227,30 @@ impl<'a> Rivals<'a> {
             || disparity + period <= self.full.most + APART
     }
 
+    /// How many likes follow a spot of a view to either side, a period of disparity apart.
+    fn likes(
+        &self,
+        rows: &Rows,
+        like: &Likeness,
+        at: (&Spot, usize),
+        period: f32,
+    ) -> Option<[usize; 2]> {
+        repetition::followers(rows, like, at, period * self.unit, self.width)
+    }
+
     /// Whether a candidate's partners have as many likes to either side as the point itself, up to both ends.
     fn ends_agree(
         &self,
         like: &Likeness,
-        (spot, row): (&Spot, usize),
+        (_, row): (&Spot, usize),
         period: f32,
         candidate: &Candidate,
+        own: [usize; 2],
     ) -> bool {
-        let followers = |rows: &Rows, spot: &Spot| {
-            repetition::followers(rows, like, (spot, row), period * self.unit, self.width)
-        };
-        let Some(own) = followers(self.own, spot) else {
-            return false;
-        };
         let mut partners = candidate.spots.iter().zip(&self.beside);
         partners.all(|(&at, (rows, _))| {
-            at == NONE || followers(rows, &rows.spots[at as usize]) == Some(own)
+            at == NONE
+                || self.likes(rows, like, (&rows.spots[at as usize], row), period) == Some(own)
         })
     }
 }
