@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use capture::calibrate::Model;
 use capture::{Layout, Views};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::profile::Profile;
 use messages::{Delivery, Reference, Stage};
 
 /// Depth from one camera moved along a rail, or from three or more in a row, by matching curves.
@@ -78,15 +80,6 @@ pub(crate) enum Command {
     /// Be one node of a run
     #[command(name = BE_NODE, hide = true)]
     BeNode(Node),
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Profile {
-    /// What scores best on real scenes
-    #[default]
-    Default,
-    /// Every literal constant of the thesis
-    Thesis,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

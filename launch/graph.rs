@@ -11,7 +11,7 @@ use serde::Deserialize as _;
 use serde_json::{Map, Value};
 
 use crate::Failure;
-use crate::cli::Profile;
+use crate::profile::Profile;
 use crate::registry::{self, NODES, NodeType};
 
 const BUILT_IN: &str = include_str!("default.toml");

@@ -29,6 +29,7 @@ mod node;
 mod offline;
 mod open_files;
 mod parameters;
+mod profile;
 mod progress;
 mod registry;
 mod rundir;
@@ -125,6 +126,6 @@ pub fn main() -> ExitCode {
 /// When it is no graph file: in a sentence.
 pub fn whole_graph(text: &str) -> Result<String, String> {
     let overrides = graph::Overrides::default();
-    let graph = graph::Graph::parse(text, cli::Profile::Default, &overrides)?;
+    let graph = graph::Graph::parse(text, profile::Profile::Default, &overrides)?;
     Ok(graph.to_toml())
 }

@@ -150,8 +150,8 @@ pub(crate) fn is_same(one: &Value, other: &Value) -> bool {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use crate::cli::Profile;
     use crate::graph::{Graph, Overrides};
+    use crate::profile::Profile;
     use serde_json::json;
 
     fn parameters() -> Parameters {

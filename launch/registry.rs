@@ -7,7 +7,7 @@ use messages::settings::{Key, Settings};
 use messages::{Kind, Stage};
 use serde_json::Value;
 
-use crate::cli::Profile;
+use crate::profile::Profile;
 
 /// Is a node, with its settings.
 type Be = fn(&mut Bus, &Value, &Start) -> Result<(), Box<dyn Error>>;
@@ -57,8 +57,8 @@ macro_rules! node {
             keys: <$($krate)::+::Settings as Settings>::KEYS,
             fixed: $fixed,
             settings: |profile| match profile {
-                Profile::Default => json(&$($krate)::+::Settings::default()),
                 Profile::Thesis => json(&$thesis),
+                _ => profile.changed($name, json(&$($krate)::+::Settings::default())),
             },
             check: |value| parse::<$($krate)::+::Settings>(value).map(drop),
             run: |bus, value, start| Ok($($krate)::+::node::run(bus, parse(value)?, start)?),
@@ -136,13 +136,15 @@ fn parse<S: Settings>(value: &Value) -> Result<S, String> {
 #[cfg(test)]
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
+    use clap::ValueEnum;
+
     use super::*;
 
     #[test]
     fn every_nodes_settings_pass_their_own_check_in_every_profile() {
         for node in NODES {
-            for profile in [Profile::Default, Profile::Thesis] {
-                (node.check)(&(node.settings)(profile)).unwrap();
+            for profile in Profile::value_variants() {
+                (node.check)(&(node.settings)(*profile)).unwrap();
             }
         }
     }

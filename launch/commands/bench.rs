@@ -19,7 +19,7 @@ use messages::bus::{Level, Progress};
 use serde::Serialize;
 
 use super::run::{Planned, plan};
-use crate::cli::{Bench as Args, Profile};
+use crate::cli::Bench as Args;
 use crate::graph::Overrides;
 use crate::launcher::{Launch, launch_before};
 use crate::running::{Process, Running};
@@ -409,7 +409,7 @@ struct ViewerRow {
 /// What it came to.
 #[derive(Debug, Serialize)]
 struct Compared {
-    profile: &'static str,
+    profile: String,
     source: String,
     rounds: u32,
     rows: Vec<Row>,
@@ -450,10 +450,7 @@ impl Compared {
         let spent = measured[last].iter().filter_map(|run| run.bridge);
         let spent = spent.reduce(|(cpu, time), (more_cpu, more)| (cpu + more_cpu, time + more));
         Self {
-            profile: match args.profile {
-                Profile::Default => "default",
-                Profile::Thesis => "thesis",
-            },
+            profile: args.profile.name(),
             source: args.source.clone(),
             rounds: args.rounds,
             bridge_alone: rows.remove(last),

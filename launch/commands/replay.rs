@@ -18,9 +18,10 @@ use serde_json::{Map, Value, json};
 
 use self::verified::{Expected, Verified};
 use super::run::{recording, table};
-use crate::cli::{Profile, Replay as Args};
+use crate::cli::Replay as Args;
 use crate::graph::{Graph, Overrides, reads_tables};
 use crate::launcher::{Launch, launch};
+use crate::profile::Profile;
 use crate::progress::Timeline;
 use crate::said::Early;
 use crate::{Failure, Outcome};

@@ -1,5 +1,6 @@
 //! `tricurve report`: a recording as one page.
 
+use clap::ValueEnum;
 use std::path::Path;
 
 use evaluate::Evaluator;
@@ -9,9 +10,10 @@ use messages::settings::{Key, Settings as _};
 use record::{ExportError, Known, Mismatches, Page, Recording, ReportError, report, thesis};
 use serde_json::{Map, Value};
 
-use crate::cli::{Profile, Report as Args};
+use crate::cli::Report as Args;
 use crate::graph::{self, GRAPH};
 use crate::offline::Tabulated;
+use crate::profile::Profile;
 use crate::registry::NODES;
 use crate::{Failure, Outcome};
 
@@ -123,7 +125,6 @@ fn known() -> Result<Known, Failure> {
         let all: Map<String, Value> = nodes.chain([(GRAPH.to_owned(), own.clone())]).collect();
         Value::Object(all)
     };
-    let profiles = [("default", Profile::Default), ("thesis", Profile::Thesis)];
     let meaning = |node: &str, key: &Key| {
         let place = (node.to_owned(), key.name.to_owned());
         (place, key.about.to_owned())
@@ -133,9 +134,10 @@ fn known() -> Result<Known, Failure> {
         .flat_map(|node| node.keys.iter().map(|key| meaning(node.name, key)));
     let of_graph = graph::Settings::KEYS.iter().map(|key| meaning(GRAPH, key));
     Ok(Known {
-        profiles: profiles
-            .map(|(name, profile)| (name.to_owned(), settings(profile)))
-            .to_vec(),
+        profiles: Profile::value_variants()
+            .iter()
+            .map(|profile| (profile.name(), settings(*profile)))
+            .collect(),
         meanings: of_nodes.chain(of_graph).collect(),
     })
 }

@@ -12,10 +12,11 @@ use messages::ledger::Ledger;
 use messages::{Delivery, Rail, Rig, Size, Sway};
 use serde_json::{Value, json};
 
-use crate::cli::{Profile, Run as Args};
+use crate::cli::Run as Args;
 use crate::graph::{Graph, Overrides};
 use crate::launcher::{Launch, launch};
 use crate::look::Looked;
+use crate::profile::Profile;
 use crate::said::Early;
 use crate::{Failure, Outcome};
 

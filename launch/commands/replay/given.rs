@@ -3,8 +3,9 @@
 use messages::recording::Recording;
 
 use crate::Failure;
-use crate::cli::{Profile, Replay as Args};
+use crate::cli::Replay as Args;
 use crate::graph::{Graph, Overrides};
+use crate::profile::Profile;
 
 /// Sees to it that the recording has settings, and gives the keys that are still to be set otherwise.
 pub(super) fn settings(args: &Args, source: &mut Recording) -> Result<Vec<String>, Failure> {

@@ -204,8 +204,8 @@ impl Evaluator {
             score.covered += cover(&mut self.bare, size, place);
             if error.is_finite() {
                 score.points += 1;
-                // Within more rows it is no greater.
-                let least = match is_level(point.y) {
+                // Within more rows it is no greater, which is asked for where it counts.
+                let least = match error > 1.0 && is_level(point.y) {
                     true => off(LEVEL_ROWS),
                     false => error,
                 };
