@@ -102,7 +102,7 @@ messages::settings! {
         pub margin: f32 = 0.1, in 0..=10;
         /// Share of the points around a place that recur at one distance along their rows, from which on they are a
         /// pattern, and left alone unless its ends tell them apart; with 1 neither patterns nor rivals out of sight are
-        /// looked for, which saves a tenth of a run's CPU.
+        /// looked for, which saves a sixth of a run's CPU.
         pub repetition: f32 = 0.16, in 0..=1;
         /// Whether of several points that land on one place of another view only the best is kept.
         pub unique: bool = true;
