@@ -72,6 +72,11 @@ pub(crate) enum Command {
     Graph(GraphFile),
     /// Remove what dead runs left in shared memory
     Clean,
+    /// Write a manual page for each command
+    Man {
+        /// The folder to write them to
+        folder: PathBuf,
+    },
     /// Print the completions for a shell
     Completions {
         /// Which shell
@@ -141,6 +146,9 @@ pub(crate) struct Run {
     /// A new part of the recording after so many seconds of recorded time
     #[arg(long, value_name = "S", conflicts_with = "no_record")]
     pub(crate) max_duration: Option<f64>,
+    /// One camera that moves along a rail: the images are its frames, in order (short for --set capture.mode=rail)
+    #[arg(long)]
+    pub(crate) rail: bool,
     /// What happens to a scan that finds the door closed
     #[arg(long, value_enum)]
     pub(crate) delivery: Option<DeliveryArg>,
@@ -437,6 +445,9 @@ pub(crate) struct Info {
     /// ledger balances
     #[arg(long)]
     pub(crate) check: bool,
+    /// Print all its settings, not only those that differ from the profile they are nearest to
+    #[arg(long)]
+    pub(crate) settings: bool,
     /// Print it as JSON
     #[arg(long)]
     pub(crate) json: bool,

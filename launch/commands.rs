@@ -10,6 +10,7 @@ mod export;
 mod graph;
 mod info;
 mod input;
+mod man;
 mod node;
 mod param;
 mod record;
@@ -53,6 +54,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Graph(args) => graph::run(&args),
         Command::Clean => clean::run(),
         Command::Completions { shell } => completions::run(shell),
+        Command::Man { folder } => man::run(&folder),
         Command::BeNode(args) => Ok(crate::node::run(&args)),
     }
 }

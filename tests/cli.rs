@@ -123,6 +123,51 @@ fn completions_know_the_commands() {
 }
 
 #[test]
+fn manual_pages_are_written_of_every_command() {
+    let world = World::new();
+    world.run(&["man", "pages"]).done();
+    let help = world.run(&["--help"]).done().out;
+    let commands = help.split("Commands:").nth(1).unwrap_or_default();
+    let commands = commands.split("Options:").next().unwrap_or_default();
+    let names = commands
+        .lines()
+        .filter_map(|line| line.strip_prefix("  ")?.split(' ').next())
+        .filter(|name| !name.is_empty() && *name != "help");
+    let mut count = 0;
+    for name in names {
+        let page = std::fs::read_to_string(world.path(&format!("pages/tricurve-{name}.1")));
+        assert!(page.is_ok_and(|page| page.contains("OPTIONS")), "{name}");
+        count += 1;
+    }
+    assert!(count > 15, "{count} commands");
+}
+
+#[test]
+fn info_names_the_profile_and_what_was_set_otherwise_and_on_request_every_setting() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let run = [
+        "run", "--source", &source, "--scans", "1", "--force", "--record", "x.mcap",
+    ];
+    let settings = |more: &[&str], info: &[&str]| {
+        world.run(&[&run, more].concat()).done();
+        let told = world.run(&[&["info", "x.mcap"], info].concat()).done().out;
+        let from = told.split_once("  settings      ").map(|(_, rest)| rest);
+        let until = from.and_then(|rest| rest.split_once("\n\n"));
+        until.map_or(told.clone(), |(settings, _)| settings.to_owned())
+    };
+    let fast = settings(&["--profile", "fast", "--set", "match.gap=8"], &[]);
+    assert!(fast.starts_with("profile fast, but for\n"), "{fast}");
+    assert!(fast.contains("match.gap = 8"), "{fast}");
+    assert!(!fast.contains("filter."), "{fast}");
+    let all = settings(&["--set", "match.gap=8"], &["--settings"]);
+    assert!(all.contains("match.gap = 8  (usually 10)"), "{all}");
+    assert!(all.contains("filter.floor = 0.4\n"), "{all}");
+    assert!(all.lines().count() > 60, "{all}");
+}
+
+#[test]
 fn clean_says_that_there_is_nothing_to_clean() {
     assert!(
         World::new()

@@ -1,15 +1,17 @@
 //! `tricurve info`: what a recording holds.
 
 use messages::Topic;
-use record::{Info, Recording};
+use record::{Info, Recording, settings_in_lines};
 use serde::Serialize;
 
+use super::report::known;
 use crate::cli::Info as Args;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut recording = Recording::open(&args.file).map_err(Failure::failed)?;
-    let info = Info::of(&recording);
+    let mut info = Info::of(&recording);
+    info.settings = settings_in_lines(&info.configuration, &known()?, args.settings);
     let check = args.check.then(|| Check::of(&mut recording, &info));
     let check = check.transpose()?;
     match (args.json, &check) {

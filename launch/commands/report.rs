@@ -117,7 +117,7 @@ const METHODS: [(&str, Method); 3] = [
 ];
 
 /// What the registry says of settings: their values in every profile, and what they mean.
-fn known() -> Result<Known, Failure> {
+pub(super) fn known() -> Result<Known, Failure> {
     let own = serde_json::to_value(graph::Settings::default()).map_err(Failure::failed)?;
     let settings = |profile: Profile| {
         let nodes = NODES.iter();

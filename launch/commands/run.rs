@@ -178,6 +178,9 @@ fn overrides(args: &Args) -> Result<Overrides, Failure> {
         overrides.set("capture", "views", json!(views));
     }
     overrides.lay(args.layout);
+    if args.rail {
+        overrides.set("capture", "mode", "rail");
+    }
     if !args.topics.is_empty() {
         overrides.set("capture", "topics", json!(args.topics));
     }

@@ -45,6 +45,9 @@ pub struct Info {
     pub reference: String,
     /// The effective configuration, as it was when the run began.
     pub configuration: serde_json::Value,
+    /// The lines in which it is printed; none unless they are given.
+    #[serde(skip)]
+    pub settings: Vec<String>,
     /// The settings that were changed while it was recorded, in order.
     pub changes: Vec<Change>,
     /// The graph.
@@ -150,6 +153,7 @@ impl Info {
             rig: metadata.rig.clone(),
             reference: metadata.rig.views[metadata.reference].name.clone(),
             configuration: metadata.configuration.clone(),
+            settings: Vec::new(),
             changes: recording.changes(),
             graph: metadata.graph.clone(),
             balanced: ledger.as_ref().map(|_| faults.is_empty()),
@@ -319,14 +323,9 @@ impl fmt::Display for Info {
         if !self.configuration.is_object() {
             line(f, "settings", "not known")?;
         }
-        if let serde_json::Value::Object(nodes) = &self.configuration {
-            for (node, settings) in nodes {
-                line(
-                    f,
-                    if node == "configuration" { "" } else { node },
-                    &settings.to_string(),
-                )?;
-            }
+        let names = std::iter::once("settings").chain(std::iter::repeat(""));
+        for (name, setting) in names.zip(&self.settings) {
+            line(f, name, setting)?;
         }
         for change in self.changes.iter().take(MOST_CHANGES) {
             line(f, "changed", &change.to_string())?;

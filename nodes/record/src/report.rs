@@ -33,7 +33,7 @@ use crate::info::{bytes, date, some_of};
 use crate::{ExportError, Info, Recording};
 
 pub use accuracy::{Mismatches, Rivals};
-pub use settings::Known;
+pub use settings::{Known, settings_in_lines};
 pub use thesis::thesis;
 
 /// Why there is no page.

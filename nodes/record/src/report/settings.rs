@@ -18,12 +18,13 @@ pub struct Known {
     pub meanings: BTreeMap<(String, String), String>,
 }
 
-/// Keys in which every run differs from every other, or that the head of the page says in words.
-const SAID_ELSEWHERE: [(&str, &str); 6] = [
+/// Keys in which every run differs from every other, that the head of the page says in words, or that follow from others.
+const SAID_ELSEWHERE: [(&str, &str); 7] = [
     ("capture", "source"),
     ("capture", "start"),
     ("capture", "truth"),
     ("evaluate", "view"),
+    ("hough", "tables"),
     ("record", "file"),
     ("record", "overwrite"),
 ];
@@ -173,6 +174,29 @@ impl<'a> Compared<'a> {
         }
         Ok(())
     }
+}
+
+/// The settings of a recording in lines of text: which of them differ from the profile that they are nearest to, or all.
+pub fn settings_in_lines(configuration: &Value, known: &Known, all: bool) -> Vec<String> {
+    let compared = Compared::new(configuration, known);
+    let settings = compared.settings.iter();
+    let line = |setting: &Setting<'_>| {
+        let (node, key, value) = (setting.node, setting.key, shown(setting.value));
+        let usual = setting.usual.filter(|_| all && setting.is_other());
+        let usual = usual.map_or_else(String::new, |usual| format!("  (usually {})", shown(usual)));
+        format!("{node}.{key} = {value}{usual}")
+    };
+    let Some(profile) = compared.profile.filter(|_| !all) else {
+        return settings.map(line).collect();
+    };
+    let others = settings.filter(|setting| setting.is_other() && !setting.is_said_elsewhere());
+    let others: Vec<_> = others.map(line).collect();
+    let but_for = match others.is_empty() {
+        true => ", nothing set otherwise",
+        false => ", but for",
+    };
+    let head = format!("profile {profile}{but_for}");
+    std::iter::once(head).chain(others).collect()
 }
 
 /// How many settings were changed while it was recorded, in a line.
