@@ -7,6 +7,7 @@ use capture::calibrate::Model;
 use capture::{Layout, Views};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::layout::Viewer;
 use crate::profile::Profile;
 use messages::{Delivery, Reference, Stage};
 
@@ -270,9 +271,17 @@ pub(crate) struct View {
     /// Open Foxglove in the browser
     #[arg(long)]
     pub(crate) open: bool,
-    /// Print the layout that shows everything, and end
+    /// Print the layout, to be imported by the viewer, and end: of a recording it looks at its points and shows what it has
     #[arg(long, conflicts_with_all = ["open", "check"])]
     pub(crate) layout: bool,
+    /// With --layout and --check: whose layout
+    #[arg(
+        long = "for",
+        value_enum,
+        default_value = "foxglove",
+        value_name = "VIEWER"
+    )]
+    pub(crate) viewer: Viewer,
     /// Check that the recording, or the graph that runs, has all that the layout shows, and end
     #[arg(long)]
     pub(crate) check: bool,

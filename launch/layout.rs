@@ -1,14 +1,21 @@
-//! The layout that shows a default run in Foxglove, and the check that a recording or a running graph has all it names.
+//! The layout that shows a run or a recording in a viewer, and the check that it has all that the layout names.
+//!
+//! ```text
+//! layout.json ─► its views and channels ─► what is there ─► what to look at ─► the viewer's own names
+//! ```
 
-use std::collections::{BTreeMap, BTreeSet};
+mod check;
+mod focus;
 
-use messages::record::{Channel, Codec};
+use std::collections::BTreeSet;
+
+use clap::ValueEnum;
+use messages::record::Codec;
 use messages::{Kind, Rail, Topic as DataTopic};
-use prost::Message as _;
-use prost_types::field_descriptor_proto::Label;
-use prost_types::{DescriptorProto, FileDescriptorSet};
-use serde::Serialize;
 use serde_json::{Value, json};
+
+pub(crate) use check::{Checked, There, check};
+pub(crate) use focus::Focus;
 
 /// The layout of a default run, as Foxglove imports it.
 const DEFAULT: &str = include_str!("layout.json");
@@ -75,267 +82,139 @@ fn along_a_rail(layout: &str) -> Option<String> {
     serde_json::to_string_pretty(&layout).ok()
 }
 
-/// The topic that only sources with a truth have, and the node that makes it.
-const NEED_TRUTH: &str = "evaluation";
-const NEEDS_TRUTH: &str = "nodes.evaluate.";
-
-/// What a panel names.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub(crate) struct Reference {
-    /// The panel, as `Plot!speed`.
-    pub(crate) panel: String,
-    /// A topic, or a frame.
-    pub(crate) name: String,
-    /// What of the topic's messages, as `scores[0].coverage`; empty for all.
-    pub(crate) field: String,
-    /// Whether it is a frame of the 3D panel and no topic.
-    pub(crate) is_frame: bool,
+/// Who reads the layout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Viewer {
+    /// Foxglove, in the browser or on the desktop
+    #[default]
+    Foxglove,
+    /// Lichtblick, which took Foxglove's open part further
+    Lichtblick,
 }
 
-/// A topic, as the check needs to know it.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Topic {
-    pub(crate) schema: String,
-    pub(crate) encoding: String,
-    pub(crate) data: Vec<u8>,
-    /// One of its messages, where there are some.
-    pub(crate) message: Option<Vec<u8>>,
+/// The panels that layouts have, as Foxglove calls them and as Lichtblick does.
+const PANELS: [(&str, &str); 7] = [
+    ("3D", "3D"),
+    ("Image", "Image"),
+    ("Log", "RosOut"),
+    ("Parameters", "Parameters"),
+    ("Plot", "Plot"),
+    ("RawMessages", "RawMessages"),
+    ("StateTransitions", "StateTransitions"),
+];
+
+/// The key of a panel's title, likewise.
+const TITLE: (&str, &str) = ("foxglovePanelTitle", "lichtblickPanelTitle");
+
+/// Panels of what only a running graph tells, or tells well.
+const OF_GRAPHS: [&str; 2] = ["Parameters!", "Plot!speed"];
+
+fn is_of_graphs(panel: &str) -> bool {
+    OF_GRAPHS.iter().any(|name| panel.starts_with(name))
 }
 
-/// What is there to show.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct There {
-    pub(crate) topics: BTreeMap<String, Topic>,
-    pub(crate) frames: BTreeSet<String>,
-    /// Whether topics without messages count as missing.
-    pub(crate) needs_messages: bool,
-}
-
-impl There {
-    /// What a graph with these channels will have, as far as their schemas tell.
-    pub(crate) fn promised(codec: &Codec, channels: Vec<Channel>) -> Self {
-        let topic = |channel: Channel| {
-            let topic = Topic {
-                schema: channel.schema.name,
-                encoding: channel.schema.encoding.to_owned(),
-                data: channel.schema.data,
-                message: None,
-            };
-            (channel.name, topic)
-        };
-        Self {
-            topics: channels.into_iter().map(topic).collect(),
-            frames: codec.frames().map(str::to_owned).collect(),
-            needs_messages: false,
+impl Viewer {
+    fn own((foxglove, lichtblick): (&'static str, &'static str), viewer: Self) -> &'static str {
+        match viewer {
+            Self::Foxglove => foxglove,
+            Self::Lichtblick => lichtblick,
         }
+    }
+
+    /// Whether it has panels of this type.
+    fn has(self, panel: &str) -> bool {
+        PANELS.iter().any(|names| Self::own(*names, self) == panel)
+    }
+
+    /// A layout as it reads it, made from the one that Foxglove reads.
+    fn named(self, layout: &str) -> String {
+        let titled = layout.replace(
+            &format!("\"{}\"", TITLE.0),
+            &format!("\"{}\"", Self::own(TITLE, self)),
+        );
+        PANELS.iter().fold(titled, |layout, names| {
+            let own = Self::own(*names, self);
+            layout.replace(&format!("\"{}!", names.0), &format!("\"{own}!"))
+        })
     }
 }
 
-/// What came of the check.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub(crate) struct Checked {
-    /// How many panels the layout has.
-    pub(crate) panels: usize,
-    /// How many topics, fields and frames they name.
-    pub(crate) references: usize,
-    /// What is not there, a sentence each.
-    pub(crate) missing: Vec<String>,
-    /// What is not there because the source knows no truth.
-    pub(crate) without_truth: Vec<String>,
+/// What a layout is made of, besides what is there.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Wanted<'a> {
+    /// How messages are written.
+    pub(crate) codec: Option<&'a Codec>,
+    /// Of a recording, what it has: panels that stay empty are left out.
+    pub(crate) recording: Option<&'a There>,
+    /// Where to look.
+    pub(crate) focus: Option<&'a Focus>,
+    pub(crate) viewer: Viewer,
 }
 
-/// Everything that the layout's panels name.
-pub(crate) fn references(layout: &str) -> Result<Vec<Reference>, String> {
-    let layout: Value = serde_json::from_str(layout).map_err(|e| format!("the layout: {e}"))?;
-    let panels = layout.get("configById").and_then(Value::as_object);
-    let panels = panels.ok_or("the layout has no panels")?;
-    let mut references = Vec::new();
-    for (panel, config) in panels {
-        let mut add = |name: &str, field: &str, is_frame| {
-            references.push(Reference {
-                panel: panel.clone(),
-                name: name.to_owned(),
-                field: field.to_owned(),
-                is_frame,
+impl Wanted<'_> {
+    /// The layout, to be imported by the viewer.
+    pub(crate) fn layout(&self) -> String {
+        let text = layout(self.codec);
+        let made = serde_json::from_str(&text).ok().and_then(|mut layout| {
+            if let Some(there) = self.recording {
+                fit(&mut layout, there);
+            }
+            if let Some(focus) = self.focus {
+                focus.apply(&mut layout);
+            }
+            serde_json::to_string_pretty(&layout).ok()
+        });
+        self.viewer.named(&made.unwrap_or(text)) + "\n"
+    }
+}
+
+/// Takes out what a recording does not have, and panels that nothing is left of.
+fn fit(layout: &mut Value, there: &There) {
+    let Some(panels) = layout.get_mut("configById").and_then(Value::as_object_mut) else {
+        return;
+    };
+    for (panel, config) in panels.iter_mut() {
+        let missing = |name: &str, field: &str| !check::is_there(panel, (name, field), there);
+        if let Some(paths) = config.get_mut("paths").and_then(Value::as_array_mut) {
+            paths.retain(|path| {
+                let path = path
+                    .get("value")
+                    .and_then(Value::as_str)
+                    .unwrap_or_default();
+                let (name, field) = check::parted(path);
+                !missing(name, field)
             });
-        };
-        let text = |at: &str| config.pointer(at).and_then(Value::as_str);
-        for at in [
-            "/imageMode/imageTopic",
-            "/imageMode/calibrationTopic",
-            "/topicToRender",
-        ] {
-            if let Some(topic) = text(at) {
-                add(topic, "", false);
-            }
         }
-        let keys = |at: &str| {
-            let table = config.pointer(at).and_then(Value::as_object);
-            table.into_iter().flatten()
-        };
-        for (topic, _) in keys("/imageMode/annotations") {
-            add(topic, "", false);
-        }
-        for (topic, settings) in keys("/topics") {
-            add(topic, "", false);
-            if let Some(field) = settings.get("colorField").and_then(Value::as_str) {
-                add(topic, &format!("fields.{field}"), false);
-            }
-        }
-        if let Some(frame) = text("/followTf") {
-            add(frame, "", true);
-        }
-        let paths = config.get("paths").and_then(Value::as_array);
-        let paths = paths.into_iter().flatten();
-        let paths = paths.filter_map(|path| path.get("value").and_then(Value::as_str));
-        for path in paths.chain(text("/topicPath")) {
-            let quoted = path.strip_prefix('"').and_then(|rest| rest.split_once('"'));
-            let (topic, field) = match quoted {
-                Some((topic, field)) => (topic, field.trim_start_matches('.')),
-                None => path.split_once('.').unwrap_or((path, "")),
-            };
-            add(topic, field, false);
+        if let Some(topics) = config.get_mut("topics").and_then(Value::as_object_mut) {
+            topics.retain(|name, _| !missing(name, ""));
         }
     }
-    Ok(references)
+    let shown: BTreeSet<String> = check::references_of(panels)
+        .into_iter()
+        .filter(|reference| check::find(reference, there).is_ok())
+        .map(|reference| reference.panel)
+        .collect();
+    panels.retain(|panel, _| shown.contains(panel) && !is_of_graphs(panel));
+    let left: BTreeSet<String> = panels.keys().cloned().collect();
+    if let Some(tree) = layout.get_mut("layout") {
+        *tree = pruned(tree.take(), &left).unwrap_or_default();
+    }
 }
 
-/// Whether all that the layout names is there.
-pub(crate) fn check(layout: &str, there: &There) -> Result<Checked, String> {
-    let references = references(layout)?;
-    let panels: BTreeSet<&str> = references.iter().map(|r| r.panel.as_str()).collect();
-    let mut checked = Checked {
-        panels: panels.len(),
-        references: references.len(),
-        ..Checked::default()
-    };
-    for reference in &references {
-        let Err(what) = find(reference, there) else {
-            continue;
-        };
-        let sentence = format!("{} shows {what}", reference.panel);
-        let is_truth = !there.topics.contains_key(NEED_TRUTH)
-            && (reference.name == NEED_TRUTH || reference.field.contains(NEEDS_TRUTH));
-        match is_truth {
-            true => checked.without_truth.push(sentence),
-            false => checked.missing.push(sentence),
+/// The tree of a layout's panels with those only that are left: what stood beside one that is gone takes its place.
+fn pruned(mut tree: Value, left: &BTreeSet<String>) -> Option<Value> {
+    if let Value::String(panel) = &tree {
+        return left.contains(panel).then_some(tree);
+    }
+    let [first, second] = ["first", "second"].map(|side| pruned(tree.get_mut(side)?.take(), left));
+    match (first, second) {
+        (Some(first), Some(second)) => {
+            tree["first"] = first;
+            tree["second"] = second;
+            Some(tree)
         }
+        (one, other) => one.or(other),
     }
-    Ok(checked)
-}
-
-/// Whether one thing is there; says what is not.
-fn find(reference: &Reference, there: &There) -> Result<(), String> {
-    let Reference {
-        name,
-        field,
-        is_frame,
-        ..
-    } = reference;
-    if *is_frame {
-        let is_there = there.frames.contains(name);
-        return is_there
-            .then_some(())
-            .ok_or_else(|| format!("the frame {name}, which no transform names"));
-    }
-    let topic = there
-        .topics
-        .get(name)
-        .ok_or_else(|| format!("the topic {name}, which is not there"))?;
-    if there.needs_messages && topic.message.is_none() {
-        return Err(format!("the topic {name}, which has no message"));
-    }
-    let is_there = match (field.is_empty(), topic.encoding.as_str()) {
-        (true, _) => true,
-        (false, "protobuf") if field.starts_with("fields.") => has_cloud_field(topic, field),
-        (false, "protobuf") => has_field(topic, field),
-        (false, _) => has_key(topic, field),
-    };
-    is_there
-        .then_some(())
-        .ok_or_else(|| format!("{name}.{field}, and {} has no such field", topic.schema))
-}
-
-/// The names of a path's fields, without their indices.
-fn names(path: &str) -> impl Iterator<Item = (&str, bool)> {
-    path.split('.').map(|name| {
-        let (name, index) = name.split_once('[').unwrap_or((name, ""));
-        (name, !index.is_empty())
-    })
-}
-
-/// Whether a protobuf schema has the field at this path.
-fn has_field(topic: &Topic, path: &str) -> bool {
-    let Ok(files) = FileDescriptorSet::decode(topic.data.as_slice()) else {
-        return false;
-    };
-    let mut all: BTreeMap<String, &DescriptorProto> = BTreeMap::new();
-    for file in &files.file {
-        for message in &file.message_type {
-            collect(&format!(".{}", file.package()), message, &mut all);
-        }
-    }
-    let mut at = format!(".{}", topic.schema);
-    for (name, is_indexed) in names(path) {
-        let field = all.get(&at).and_then(|message| {
-            let mut fields = message.field.iter();
-            fields.find(|field| field.name() == name)
-        });
-        let Some(field) = field else { return false };
-        if is_indexed && field.label() != Label::Repeated {
-            return false;
-        }
-        at = field.type_name().to_owned();
-    }
-    true
-}
-
-/// Notes a message type and those within it by their full names.
-fn collect<'a>(
-    package: &str,
-    message: &'a DescriptorProto,
-    all: &mut BTreeMap<String, &'a DescriptorProto>,
-) {
-    let name = format!("{package}.{}", message.name());
-    for nested in &message.nested_type {
-        collect(&name, nested, all);
-    }
-    all.insert(name, message);
-}
-
-/// Whether the points of a cloud have this field, where there is a cloud to look at.
-fn has_cloud_field(topic: &Topic, path: &str) -> bool {
-    use foxglove::messages::PointCloud;
-    let Some(message) = &topic.message else {
-        return topic.schema == "foxglove.PointCloud";
-    };
-    let name = path.trim_start_matches("fields.");
-    PointCloud::decode(message.as_slice())
-        .is_ok_and(|cloud| cloud.fields.iter().any(|field| field.name == name))
-}
-
-/// Whether a JSON message, or without one its schema, has the key at this path.
-fn has_key(topic: &Topic, path: &str) -> bool {
-    if let Some(message) = &topic.message {
-        let message: Value = serde_json::from_slice(message).unwrap_or_default();
-        let mut at = Some(&message);
-        for (name, is_indexed) in names(path) {
-            at = at.and_then(|value| value.get(name));
-            if is_indexed {
-                at = at.and_then(|value| value.get(0));
-            }
-        }
-        return at.is_some();
-    }
-    let schema: Value = serde_json::from_slice(&topic.data).unwrap_or_default();
-    let mut at = Some(&schema);
-    for (name, _) in names(path) {
-        at = at.and_then(|value| {
-            let named = value.get("properties").and_then(|p| p.get(name));
-            named.or_else(|| value.get("additionalProperties"))
-        });
-    }
-    at.is_some()
 }
 
 #[cfg(test)]
@@ -363,7 +242,10 @@ mod tests {
         let codec = Codec::new(Rig::of_views(7, &[4.0, 2.0, 1.0], Size::new(64, 48)), 4);
         let there = There::promised(&codec, codec.channels(Shown::ALL));
         let layout = layout(Some(&codec));
-        assert_eq!(check(&layout, &there).unwrap().missing, [""; 0]);
+        assert_eq!(
+            check(&layout, &there, Viewer::Foxglove).unwrap().missing,
+            [""; 0]
+        );
         for view in 0..7 {
             let is_shown = layout.contains(&format!("camera/{view}/image"));
             assert_eq!(is_shown, (3..=5).contains(&view), "view {view}");
@@ -376,7 +258,7 @@ mod tests {
         let codec = Codec::new(rig, 0);
         let there = There::promised(&codec, codec.channels(Shown::ALL));
         let layout = layout(Some(&codec));
-        let checked = check(&layout, &there).unwrap();
+        let checked = check(&layout, &there, Viewer::Foxglove).unwrap();
         assert_eq!(checked.missing, Vec::<String>::new());
         assert!(layout.contains("camera/moving/annotations"), "{layout}");
         assert!(layout.contains("map/growing"), "{layout}");
@@ -385,18 +267,24 @@ mod tests {
     #[test]
     fn a_run_with_other_channels_has_all_that_its_own_layout_names() {
         let (there, codec) = run_of(&[30.0, 20.5]);
-        assert_eq!(check(DEFAULT, &there).unwrap().missing.len(), 1);
+        assert_eq!(
+            check(DEFAULT, &there, Viewer::Foxglove)
+                .unwrap()
+                .missing
+                .len(),
+            1
+        );
         let layout = layout(Some(&codec));
         assert!(layout.contains(r#""\"matches/20.5\"""#), "{layout}");
         assert_eq!(
-            check(&layout, &there).unwrap().missing,
+            check(&layout, &there, Viewer::Foxglove).unwrap().missing,
             Vec::<String>::new()
         );
     }
 
     #[test]
     fn a_default_run_has_all_that_the_layout_names() {
-        let checked = check(DEFAULT, &default_run()).unwrap();
+        let checked = check(DEFAULT, &default_run(), Viewer::Foxglove).unwrap();
         assert_eq!(checked.missing, Vec::<String>::new());
         assert!(
             checked.panels >= 12 && checked.references > 35,
@@ -436,9 +324,76 @@ mod tests {
         ] {
             let layout = DEFAULT.replace(from, to);
             assert_ne!(layout, DEFAULT, "{from}");
-            let missing = check(&layout, &default_run()).unwrap().missing;
+            let missing = check(&layout, &default_run(), Viewer::Foxglove)
+                .unwrap()
+                .missing;
             assert_eq!(missing.len(), 1, "{missing:?}");
             assert!(missing[0].contains(expected), "{missing:?}");
+        }
+    }
+
+    #[test]
+    fn every_viewer_has_all_panels_of_its_own_layout_and_not_those_of_the_others() {
+        for viewer in Viewer::value_variants() {
+            let wanted = Wanted {
+                viewer: *viewer,
+                ..Wanted::default()
+            };
+            let layout = wanted.layout();
+            let missing = check(&layout, &default_run(), *viewer).unwrap().missing;
+            assert_eq!(missing, Vec::<String>::new(), "{viewer:?}");
+        }
+        let missing = check(DEFAULT, &default_run(), Viewer::Lichtblick).unwrap();
+        let [sentence] = &missing.missing[..] else {
+            panic!("{missing:?}");
+        };
+        assert!(
+            sentence.contains("Log!log") && sentence.contains("Lichtblick"),
+            "{sentence}"
+        );
+    }
+
+    #[test]
+    fn a_panel_that_shows_nothing_is_named() {
+        let layout = DEFAULT.replace("\"topicToRender\": \"log\"", "\"topicToRender\": null");
+        let missing = check(&layout, &default_run(), Viewer::Foxglove)
+            .unwrap()
+            .missing;
+        assert_eq!(missing, ["Log!log shows nothing"]);
+    }
+
+    #[test]
+    fn of_a_recording_without_truth_and_health_the_layout_has_no_panel_that_stays_empty() {
+        let mut there = default_run();
+        for topic in ["evaluation", "health"] {
+            there.topics.remove(topic);
+        }
+        let wanted = Wanted {
+            recording: Some(&there),
+            ..Wanted::default()
+        };
+        let layout = wanted.layout();
+        let checked = check(&layout, &there, Viewer::Foxglove).unwrap();
+        assert_eq!(checked.missing, Vec::<String>::new());
+        let value: Value = serde_json::from_str(&layout).unwrap();
+        let panels = value["configById"].as_object().unwrap();
+        for gone in [
+            "Plot!accuracy",
+            "Plot!speed",
+            "StateTransitions!nodes",
+            "Parameters!set",
+        ] {
+            assert!(
+                !panels.contains_key(gone) && !layout.contains(gone),
+                "{gone}"
+            );
+        }
+        for panel in panels.keys() {
+            assert_eq!(
+                layout.matches(&format!("\"{panel}\"")).count(),
+                2,
+                "{panel}"
+            );
         }
     }
 
@@ -446,7 +401,7 @@ mod tests {
     fn a_source_without_truth_lacks_nothing_else() {
         let mut there = default_run();
         there.topics.remove("evaluation");
-        let checked = check(DEFAULT, &there).unwrap();
+        let checked = check(DEFAULT, &there, Viewer::Foxglove).unwrap();
         assert_eq!(checked.missing, Vec::<String>::new());
         assert_eq!(checked.without_truth.len(), 3);
     }
@@ -455,6 +410,12 @@ mod tests {
     fn a_topic_without_messages_is_missing_where_messages_are_needed() {
         let mut there = default_run();
         there.needs_messages = true;
-        assert!(check(DEFAULT, &there).unwrap().missing.len() > 30);
+        assert!(
+            check(DEFAULT, &there, Viewer::Foxglove)
+                .unwrap()
+                .missing
+                .len()
+                > 30
+        );
     }
 }

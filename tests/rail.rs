@@ -15,7 +15,7 @@ use messages::{Evaluation, Kind, Map, Owned, Size, Sway, Topic, Truth};
 use serde_json::Value;
 use texture::wave;
 
-const RAIL: [&str; 2] = ["--set", "capture.mode=rail"];
+const RAIL: [&str; 1] = ["--rail"];
 const START: [&str; 2] = ["--set", "capture.start=1700000000000000000"];
 
 /// Starts a run along a rail into this recording.

@@ -14,7 +14,7 @@ use messages::recording::Recording;
 use messages::settings::Settings as _;
 
 use crate::cli::View as Args;
-use crate::layout::{self, Checked, There};
+use crate::layout::{self, Checked, Focus, There, Viewer, Wanted};
 use crate::node::give_way;
 use crate::running::Running;
 use crate::{Failure, Outcome, signals};
@@ -25,9 +25,10 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.layout {
         let recording = args.file.as_deref().map(Recording::open).transpose();
-        let recording = recording.map_err(Failure::failed)?;
+        let mut recording = recording.map_err(Failure::failed)?;
+        let seen = recording.as_mut().map(Seen::of).unwrap_or_default();
         let codec = recording.as_ref().map(Recording::codec);
-        super::print(&layout::layout(codec))?;
+        super::print(&seen.layout(codec, args.viewer))?;
         return Ok(Outcome::Done);
     }
     let settings = Settings {
@@ -56,6 +57,7 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
         let there = there_in(&mut recording)?;
         return checked(args, recording.codec(), &there);
     }
+    let seen = Seen::of(&mut recording);
     let codec = recording.codec().clone();
     let scans = recording.scans().len();
     let path = recording.path().display().to_string();
@@ -63,7 +65,7 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
     let mut player =
         Player::start(recording, settings, args.start_paused, HOW).map_err(Failure::failed)?;
     let title = format!("{path}: {scans} scans, played as the viewer says; Ctrl-C ends");
-    tell(args, &title, player.address(), &codec, Some(file))?;
+    tell(args, &title, player.address(), (&codec, &seen), Some(file))?;
     while !end.load(Ordering::Relaxed) {
         player.turn().map_err(Failure::failed)?;
         say_slow(&player.slow());
@@ -98,7 +100,8 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
         error => Failure::failed(error),
     })?;
     let title = format!("the running graph {}: Ctrl-C ends the view", running.name());
-    tell(args, &title, viewing.address(), &codec, None)?;
+    let seen = Seen::default();
+    tell(args, &title, viewing.address(), (&codec, &seen), None)?;
     let mut next_look = Instant::now();
     while !end.load(Ordering::Relaxed) {
         viewing.wait();
@@ -135,7 +138,7 @@ fn tell(
     args: &Args,
     title: &str,
     address: SocketAddr,
-    codec: &Codec,
+    (codec, seen): (&Codec, &Seen),
     file: Option<&Path>,
 ) -> Result<(), Failure> {
     if !address.ip().is_loopback() {
@@ -163,17 +166,22 @@ fn tell(
     let file = file.map_or(String::new(), |file| {
         quoted(&file.display().to_string()) + " "
     });
-    let layout = layout_file(codec).map_or_else(
-        |_| format!("tricurve view {file}--layout > layout.json"),
-        |path| path.display().to_string(),
-    );
+    let layout = |viewer, how: &str| {
+        let written = layout_file(codec, seen, viewer);
+        written.map_or_else(
+            |_| format!("tricurve view {file}--layout{how} > layout.json"),
+            |path| path.display().to_string(),
+        )
+    };
+    let foxgloves = layout(Viewer::Foxglove, "");
+    let lichtblicks = layout(Viewer::Lichtblick, " --for lichtblick");
     super::print(&format!(
         "{title}\n  \
          server      {server}\n  \
          Foxglove    {foxglove}\n  \
          Lichtblick  open a connection, Foxglove WebSocket, {server}\n  \
          Rerun       {rerun}\n  \
-         layout      {layout}\n"
+         layouts     {foxgloves}\n              {lichtblicks}\n"
     ))?;
     if args.open {
         let opener = if cfg!(target_os = "macos") {
@@ -215,41 +223,72 @@ fn foxglove_url(server: &str) -> String {
     format!("https://app.foxglove.dev/~/view?ds=foxglove-websocket&ds.url={escaped}")
 }
 
-/// The layout as a file to import, written to the user's cache under a name of its own for what differs from the default.
-fn layout_file(codec: &Codec) -> std::io::Result<PathBuf> {
+/// What of a recording a layout is made for; of a graph nothing.
+#[derive(Default)]
+struct Seen {
+    there: Option<There>,
+    focus: Option<Focus>,
+    /// The recording's name.
+    name: Option<String>,
+}
+
+impl Seen {
+    fn of(recording: &mut Recording) -> Self {
+        let focus = Focus::of(recording).unwrap_or_else(|error| {
+            crate::say!("view: the layout looks nowhere in particular: {error}");
+            None
+        });
+        let name = recording.path().file_stem();
+        Self {
+            there: Some(defined_in(recording)),
+            focus,
+            name: name.map(|name| name.to_string_lossy().into_owned()),
+        }
+    }
+
+    fn layout(&self, codec: Option<&Codec>, viewer: Viewer) -> String {
+        let wanted = Wanted {
+            codec,
+            recording: self.there.as_ref(),
+            focus: self.focus.as_ref(),
+            viewer,
+        };
+        wanted.layout()
+    }
+}
+
+/// The layout as a file to import, written to the user's cache under a name of its own for what it is made for.
+fn layout_file(codec: &Codec, seen: &Seen, viewer: Viewer) -> std::io::Result<PathBuf> {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
     let cache = set("XDG_CACHE_HOME")
         .map(PathBuf::from)
         .or_else(|| Some(PathBuf::from(set("HOME")?).join(".cache")));
     let cache = cache.ok_or(std::io::ErrorKind::NotFound)?;
-    let (layout, rig) = (layout::layout(Some(codec)), codec.rig());
-    let name = match layout == layout::layout(None) {
-        true => "layout.json".to_owned(),
-        false => {
-            let finest = rig.channels.last().copied().unwrap_or_default();
-            let of = match (rig.rail, rig.views.len()) {
-                (Some(_), _) => "rail-".to_owned(),
-                (None, 3) => String::new(),
-                (None, views) => format!("{views}-views-{}-", codec.reference()),
-            };
-            format!("layout-{of}{finest}.json")
-        }
+    let (layout, rig) = (seen.layout(Some(codec), viewer), codec.rig());
+    let of = match (&seen.name, rig.rail, rig.views.len()) {
+        (Some(name), _, _) => format!("-{name}"),
+        (None, Some(_), _) => "-rail".to_owned(),
+        (None, None, 3) => String::new(),
+        (None, None, views) => format!("-{views}-views-{}", codec.reference()),
     };
-    let path = cache.join("tricurve").join(name);
+    let finest = rig.channels.last().copied().unwrap_or_default();
+    let by = match viewer {
+        Viewer::Foxglove => "",
+        Viewer::Lichtblick => "-lichtblick",
+    };
+    let folder = cache.join("tricurve");
+    let path = folder.join(format!("layout{of}-{finest}{by}.json"));
     if fs::read(&path).is_ok_and(|written| written == layout.as_bytes()) {
         return Ok(path);
     }
-    fs::create_dir_all(cache.join("tricurve"))?;
+    fs::create_dir_all(&folder)?;
     fs::write(&path, layout)?;
     Ok(path)
 }
 
-/// What a recording has to show, with a message of each topic.
-fn there_in(recording: &mut Recording) -> Result<There, Failure> {
-    let mut there = There {
-        needs_messages: true,
-        ..There::default()
-    };
+/// The topics of a recording as they are defined, without their messages.
+fn defined_in(recording: &Recording) -> There {
+    let mut there = There::default();
     for (topic, _, schema) in recording.definitions() {
         let entry = there.topics.entry(topic.to_owned()).or_default();
         if let Some(schema) = schema {
@@ -258,8 +297,16 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
             entry.data = schema.data.clone();
         }
     }
-    let names = recording.codec().frames().map(str::to_owned);
-    there.frames = names.collect();
+    there.frames = recording.codec().frames().map(str::to_owned).collect();
+    there
+}
+
+/// What a recording has to show, with a message of each topic.
+fn there_in(recording: &mut Recording) -> Result<There, Failure> {
+    let mut there = There {
+        needs_messages: true,
+        ..defined_in(recording)
+    };
     // The newest message of each topic: what is said every second is not said with every scan.
     let mut wanted: BTreeSet<String> = there.topics.keys().cloned().collect();
     let scans: Vec<u64> = recording.scans().rev().collect();
@@ -283,7 +330,12 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
 }
 
 fn checked(args: &Args, codec: &Codec, there: &There) -> Result<Outcome, Failure> {
-    let checked = layout::check(&layout::layout(Some(codec)), there).map_err(Failure::failed)?;
+    let wanted = Wanted {
+        codec: Some(codec),
+        viewer: args.viewer,
+        ..Wanted::default()
+    };
+    let checked = layout::check(&wanted.layout(), there, args.viewer).map_err(Failure::failed)?;
     let Checked {
         panels,
         references,
