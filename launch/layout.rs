@@ -62,10 +62,16 @@ fn along_a_rail(layout: &str) -> Option<String> {
     let moving = format!("camera/{}/", Rail::VIEW);
     let mut layout: Value =
         serde_json::from_str(&layout.replace("camera/centre/", &moving)).ok()?;
-    *layout.pointer_mut("/layout/first/first")? = json!("Image!centre");
+    // The image has the largest one's place.
     let panels = layout.get_mut("configById")?.as_object_mut()?;
-    panels.retain(|name, _| !["Image!left", "Image!right"].contains(&name.as_str()));
-    panels.get_mut("Image!centre")?["foxglovePanelTitle"] = json!(Rail::VIEW);
+    panels.remove("Image!right");
+    let mut image = panels.remove("Image!centre")?;
+    image["foxglovePanelTitle"] = json!(Rail::VIEW);
+    panels.insert("Image!left".to_owned(), image);
+    let left = panels.keys().cloned().collect();
+    let tree = layout.get_mut("layout")?;
+    *tree = pruned(tree.take(), &left)?;
+    let panels = layout.get_mut("configById")?.as_object_mut()?;
     let topics = panels.get_mut("3D!space")?.get_mut("topics")?;
     let topics = topics.as_object_mut()?;
     topics
@@ -262,6 +268,11 @@ mod tests {
         assert_eq!(checked.missing, Vec::<String>::new());
         assert!(layout.contains("camera/moving/annotations"), "{layout}");
         assert!(layout.contains("map/growing"), "{layout}");
+        let value: Value = serde_json::from_str(&layout).unwrap();
+        for panel in value["configById"].as_object().unwrap().keys() {
+            let named = layout.matches(&format!("\"{panel}\"")).count();
+            assert_eq!(named, 2, "{panel} has a place");
+        }
     }
 
     #[test]

@@ -142,8 +142,8 @@ messages::settings! {
         /// Scans a second, in Hz, by which a source without times of its own is dated: scan n is taken n / rate after
         /// the start. It does not slow the source down.
         pub rate: f64 = 10.0, in 0.001..=1000000.0;
-        /// When the first scan was taken, in nanoseconds since 1970; by default now. Two runs with the same start are
-        /// equal to the byte.
+        /// When the first scan was taken, in nanoseconds since 1970; by default now. The results of two runs with the same
+        /// start are equal to the byte; their health, ledger and measured times are their own.
         pub start: Option<u64> = None;
         /// Distance from each chosen view to the next, not from the first to the last, in metres; on a rail between positions
         /// a step apart. Overrides what the source knows.

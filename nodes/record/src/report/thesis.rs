@@ -25,9 +25,11 @@ pub fn thesis(
         return Err(ReportError::Exists(path.to_owned()));
     }
     let objects = objects(recording);
-    if objects.is_empty() {
+    let Some(first) = objects.first() else {
         return Err(ExportError::NoScan.into());
-    }
+    };
+    // A recording without images, or without what is drawn over them, has no figures at all.
+    figures(recording, first, 1).map_err(ExportError::from)?;
     whole(path, |file| {
         let mut file = BufWriter::new(file);
         write(recording, &objects, rivals, &mut |html| {
