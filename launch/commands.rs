@@ -12,7 +12,9 @@ mod info;
 mod input;
 mod node;
 mod param;
+mod proof;
 mod record;
+mod rehydrate;
 mod replay;
 mod report;
 mod rewrite;
@@ -33,6 +35,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::View(args) => view::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
+        Command::Rehydrate(args) => rehydrate::run(&args),
         Command::Recover(args) => rewrite::recover(&args),
         Command::Merge(args) => rewrite::merge(&args),
         Command::Split(args) => rewrite::split(&args),
