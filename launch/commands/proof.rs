@@ -214,27 +214,6 @@ pub(super) fn complete(
     Ok(Some(folder))
 }
 
-/// The last scan of a proof as a full recording, which lies in the folder as long as that is held.
-///
-/// # Errors
-/// As [`rehydrate`].
-pub(super) fn last_scan(proof: &Recording) -> Result<(Recording, TempDir), Failure> {
-    let last = proof.whole_scans().last().copied().unwrap_or(0);
-    let folder = folder()?;
-    let output = folder.path().join("last.mcap");
-    rehydrate(&Wanted {
-        file: proof.path(),
-        scans: Some(Scans {
-            first: last,
-            end: Some(last + 1),
-        }),
-        without: &[],
-        output: &output,
-        is_quiet: true,
-    })?;
-    Ok((Recording::open(&output).map_err(Failure::failed)?, folder))
-}
-
 /// A folder for what is computed for a while.
 fn folder() -> Result<TempDir, Failure> {
     tempfile::tempdir()

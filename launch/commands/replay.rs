@@ -176,7 +176,12 @@ impl Plan {
         let left_out = left_out.and_then(|kinds| serde_json::from_value(kinds.clone()).ok());
         let left_out: Vec<Kind> = left_out.unwrap_or_default();
         let mut without = Kind::ALL.to_vec();
-        without.retain(|kind| left_out.contains(kind) || !is_proven(&source, &proven, *kind));
+        let unproven = record::rehydrate::unproven(source.metadata());
+        let is_wanted = |kind: &Kind| {
+            let is_known = is_proven(&source, &proven, *kind) || unproven.contains(kind);
+            is_known && !left_out.contains(kind)
+        };
+        without.retain(|kind| !is_wanted(kind));
         graph.fill_in("rehydrate", "without", json!(without));
         let is_other = |name: &str, key: &str| {
             let then = recorded.get(name).and_then(|table| table.get(key));

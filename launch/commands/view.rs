@@ -56,11 +56,15 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
         crate::say!("view: {note}");
     }
     if args.check {
-        let there = match recording.is_proof() {
-            // What it shows is computed while it plays: the last scan tells all of it.
-            true => there_in(&mut proof::last_scan(&recording)?.0)?,
-            false => there_in(&mut recording)?,
-        };
+        // What is not in a proof is computed while it plays: its last scan tells all of it.
+        let last: Vec<u64> = recording
+            .whole_scans()
+            .into_iter()
+            .next_back()
+            .into_iter()
+            .collect();
+        let _computed = proof::complete(&mut recording, &last, &[])?;
+        let there = there_in(&mut recording)?;
         return checked(args, recording.codec(), &there);
     }
     if recording.is_proof() {

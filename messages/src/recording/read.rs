@@ -838,7 +838,8 @@ impl Recording {
     /// Its channels in the order they are defined: topic, message encoding, schema.
     pub fn definitions(&self) -> Vec<(&str, &str, Option<&FileSchema>)> {
         let mut definitions: Vec<(&str, &str, Option<&FileSchema>)> = Vec::new();
-        for Part { contents, .. } in &self.parts {
+        let fuller = self.completed.iter().flat_map(|fuller| &fuller.parts);
+        for Part { contents, .. } in self.parts.iter().chain(fuller) {
             for channel in contents.channels.values() {
                 if definitions
                     .iter()

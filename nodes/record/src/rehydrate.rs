@@ -12,7 +12,7 @@
 #[cfg(feature = "node")]
 pub mod node;
 
-use messages::record::{Channel, Content, DIGESTS, Digest, Encoder, Sink, Statistics};
+use messages::record::{Channel, Content, DIGESTS, Digest, Encoder, Sink};
 use messages::recording::{ReadError, Scan};
 use messages::{AnyView, Header, Kind, Topic};
 use thiserror::Error;
@@ -107,20 +107,28 @@ pub fn full_settings(proof: &Metadata) -> crate::Settings {
     own.unwrap_or_default()
 }
 
+/// The kinds of message that a full recording is made of and its proof says nothing of: they are left out of both, but drawn.
+pub fn unproven(proof: &Metadata) -> Vec<Kind> {
+    let settings = full_settings(proof);
+    let mut kinds = crate::taken_kinds(&settings);
+    kinds.retain(|kind| settings.without.contains(kind));
+    kinds
+}
+
 /// Puts scans together from what is computed anew and what the proof holds.
 #[derive(Debug)]
 pub struct Rehydrator {
     encoder: Encoder,
-    topics: Vec<Topic>,
+    /// The topics that there are digests of.
+    proven: Vec<Topic>,
 }
 
 impl Rehydrator {
-    /// Into the channels of this encoder.
-    pub fn new(encoder: Encoder) -> Self {
-        Self {
-            topics: encoder.topics().to_vec(),
-            encoder,
-        }
+    /// Into the channels of this encoder, of a proof that says nothing of these kinds: what is drawn may be made of them.
+    pub fn new(encoder: Encoder, without: &[Kind]) -> Self {
+        let mut proven = encoder.topics().to_vec();
+        proven.retain(|topic| !without.contains(&topic.kind));
+        Self { proven, encoder }
     }
 
     /// What it encodes into.
@@ -140,7 +148,7 @@ impl Rehydrator {
     ) -> Result<(), RehydrateError> {
         let scan = proof.sequence;
         let digests = proof.digests()?.unwrap_or_default();
-        for topic in &self.topics {
+        for topic in &self.proven {
             let is_it = |(header, view): &&(Header, AnyView<'_>)| {
                 view.kind() == topic.kind
                     && (!topic.kind.is_per_view() || header.view == topic.view)
@@ -226,7 +234,7 @@ impl Sink for Whole<'_> {
             Content::Statistics => {
                 let mut made = Vec::new();
                 encode(&mut made);
-                let timed = recorded.and_then(|recorded| timed(&made, recorded).ok());
+                let timed = recorded.and_then(|recorded| timed(&made, recorded));
                 let made = timed.unwrap_or(made);
                 self.batch.add(channel, |out| out.extend_from_slice(&made));
             }
@@ -239,14 +247,37 @@ impl Sink for Whole<'_> {
     }
 }
 
-/// Statistics with the times that the run took, not those of computing it anew.
-fn timed(made: &[u8], recorded: &[u8]) -> Result<Vec<u8>, serde_json::Error> {
-    let (made, recorded): (Statistics, Statistics) = (
-        serde_json::from_slice(made)?,
-        serde_json::from_slice(recorded)?,
-    );
-    serde_json::to_vec(&Statistics {
-        milliseconds: recorded.milliseconds,
-        ..made
-    })
+/// Statistics with the times that the run took, not those of computing it anew: they stand last. As text, since numbers that
+/// are read and written again may lose their last digit.
+fn timed(made: &[u8], recorded: &[u8]) -> Option<Vec<u8>> {
+    const TIMES: &[u8] = b"\"milliseconds\":";
+    let times = |text: &[u8]| text.windows(TIMES.len()).rposition(|part| part == TIMES);
+    let (made, recorded) = (&made[..times(made)?], &recorded[times(recorded)?..]);
+    Some([made, recorded].concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use messages::record::Statistics;
+
+    #[test]
+    fn statistics_are_those_that_are_computed_with_the_times_of_the_run() -> serde_json::Result<()>
+    {
+        let of = |known, capture| {
+            let mut statistics = Statistics {
+                known,
+                ..Statistics::default()
+            };
+            statistics.milliseconds.capture = capture;
+            serde_json::to_vec(&statistics)
+        };
+        let known = 0.1 + 0.2;
+        assert_eq!(
+            timed(&of(known, 1.0)?, &of(0.5, 7.25)?),
+            Some(of(known, 7.25)?)
+        );
+        assert_eq!(timed(&of(known, 1.0)?, b"{}"), None);
+        Ok(())
+    }
 }

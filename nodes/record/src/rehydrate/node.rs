@@ -18,6 +18,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Rehyd
     let mut proof = Recording::open(Path::new(&settings.file))?;
     let metadata = full_metadata(proof.metadata());
     let mut written_as = full_settings(proof.metadata());
+    let left_out = written_as.without.clone();
     written_as.without.extend(&settings.without);
     let cameras = proof.channels().contains_key("synchronisation");
     let made = bus.run().kinds();
@@ -28,7 +29,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Rehyd
         cameras,
         &written_as,
     );
-    let mut rehydrator = Rehydrator::new(encoder);
+    let mut rehydrator = Rehydrator::new(encoder, &left_out);
     let mut scans = bus.joins(&bus.run().taken_by(bus.name()))?;
     let done = bus.finisher()?;
     let path = Path::new(&settings.output);
