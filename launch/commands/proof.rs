@@ -139,11 +139,19 @@ pub(super) fn rehydrate(wanted: &Wanted<'_>) -> Result<Rehydrated, Failure> {
     });
     let deepest = deepest.map(|kind| depth(&rig, Stage::Capture, kind));
     let deepest = deepest.max().unwrap_or(0);
-    let mut played = lead..selection.scans.len() as u64;
-    if let Some(tick) = played.find(|tick| !selection.follows(*tick, deepest)) {
+    let all = lead..selection.scans.len() as u64;
+    let follows = |tick: &u64| selection.follows(*tick, deepest);
+    if let Some(tick) = all.clone().find(|tick| !follows(tick)) {
+        let can = all.skip_while(|tick| !follows(tick));
+        let can: Vec<u64> = can.take_while(follows).collect();
+        let (scan, _) = selection.scan(tick);
+        let of = |tick: &u64| selection.scan(*tick).0;
+        let others = match (can.first().map(of), can.last().map(of)) {
+            (Some(first), Some(last)) => format!("it can be done of --scans {first}..{}", last + 1),
+            _ => "it cannot be done of any".to_owned(),
+        };
         return Err(Failure::failed(format!(
-            "scan {} depends on {deepest} frames before it, and not all of them are in the recording: choose others with --scans",
-            selection.scan(tick).0
+            "scan {scan} depends on {deepest} frames before it, and not all of them are in the recording: {others}"
         )));
     }
     let scans: Vec<u64> = selection.scans.iter().map(|(scan, _)| *scan).collect();
