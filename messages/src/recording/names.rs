@@ -62,6 +62,7 @@ pub(super) fn schema_of(topic: &str) -> &'static str {
         ["curves", ..] => "tricurve.Curves",
         ["tables", ..] => "tricurve.Tables",
         ["matches", ..] => "tricurve.Matches",
+        ["digests"] => "tricurve.Digests",
         _ => "",
     }
 }

@@ -661,18 +661,19 @@ impl Recording {
         Digests::of_settings(configuration, rig, &self.changes(), scan)
     }
 
-    /// Of a proof the topics whose messages it holds or has digests of, as its first scan says.
-    ///
-    /// # Errors
-    /// When that cannot be read.
-    pub fn proven(&mut self) -> Result<BTreeSet<String>, ReadError> {
-        let Some(first) = self.scans().next().filter(|_| self.is_proof()) else {
-            return Ok(BTreeSet::new());
+    /// Of a proof the topics whose messages it holds or has digests of, as its first scan that can be read says.
+    pub fn proven(&mut self) -> BTreeSet<String> {
+        let scans: Vec<u64> = match self.is_proof() {
+            true => self.scans().collect(),
+            false => Vec::new(),
         };
-        let scan = self.scan_of(first, |topic| topic == DIGESTS)?;
-        let digests = scan.digests()?.unwrap_or_default();
-        self.reuse(scan);
-        Ok(digests.messages.into_keys().collect())
+        let said = scans.into_iter().find_map(|scan| {
+            let scan = self.scan_of(scan, |topic| topic == DIGESTS).ok()?;
+            let digests = scan.digests().ok().flatten();
+            self.reuse(scan);
+            digests
+        });
+        said.unwrap_or_default().messages.into_keys().collect()
     }
 
     /// Reads these scans from now on out of another recording that holds more of them.
