@@ -37,6 +37,8 @@ pub(crate) enum Command {
     Replay(Replay),
     /// Show what a recording holds
     Info(Info),
+    /// Compute what a proof (record.keep = proof) does not hold, check it against its digests, and write a full recording
+    Rehydrate(Rehydrate),
     /// Write what is readable of a truncated or damaged recording as a whole one
     Recover(Recover),
     /// Write several recordings of one rig as one
@@ -444,6 +446,45 @@ pub(crate) struct Replay {
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl Replay {
+    /// As it is when nothing is said but what is played.
+    pub(crate) fn of(file: PathBuf, scans: Option<Scans>) -> Self {
+        Self {
+            file,
+            scans,
+            from: StageArg::Capture,
+            to: StageArg::Evaluate,
+            rate: None,
+            lockstep: false,
+            repeat: false,
+            start_offset: None,
+            duration: None,
+            topics: None,
+            start_paused: false,
+            set: Vec::new(),
+            record: None,
+            no_record: false,
+            force: false,
+            view: false,
+            verify: false,
+            graph: None,
+            profile: None,
+            json: false,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Rehydrate {
+    /// The proof; its further parts are found by their names
+    pub(crate) file: PathBuf,
+    /// Only the scans from A on, before B
+    #[arg(long, value_name = "A..B")]
+    pub(crate) scans: Option<Scans>,
+    #[command(flatten)]
+    pub(crate) output: Output,
 }
 
 #[derive(Debug, Args)]

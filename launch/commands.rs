@@ -13,7 +13,9 @@ mod input;
 mod man;
 mod node;
 mod param;
+mod proof;
 mod record;
+mod rehydrate;
 mod replay;
 mod report;
 mod rewrite;
@@ -34,6 +36,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::View(args) => view::run(&args),
         Command::Record(args) => record::run(&args),
         Command::Replay(args) => replay::run(&args),
+        Command::Rehydrate(args) => rehydrate::run(&args),
         Command::Recover(args) => rewrite::recover(&args),
         Command::Merge(args) => rewrite::merge(&args),
         Command::Split(args) => rewrite::split(&args),

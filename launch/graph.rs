@@ -134,6 +134,9 @@ impl Graph {
             }
             check_tables(graph.settings_of("hough"), graph.settings_of("match"))?;
         }
+        if graph.has("record") {
+            graph.check_kept()?;
+        }
         Ok(graph)
     }
 
@@ -188,6 +191,16 @@ impl Graph {
             ));
         }
         Ok(())
+    }
+
+    /// Whether the recorder keeps something that is made, and all that its proofs need.
+    fn check_kept(&self) -> Result<(), String> {
+        let settings = self.settings_of("record").clone();
+        let settings: record::Settings =
+            serde_json::from_value(settings).map_err(|e| format!("[record] {e}"))?;
+        let nodes = self.nodes.iter();
+        let made: Vec<Kind> = nodes.flat_map(|(n, own)| (n.makes)(own)).collect();
+        settings.refused(&made).map_or(Ok(()), Err)
     }
 
     /// The node where scans come in.

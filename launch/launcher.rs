@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use messages::bus::{self, Level, Log, NodePlan, Run};
 use messages::change::Change;
+use messages::record::VERSIONS;
 use messages::{Rig, Sway};
 use serde_json::Value;
 
@@ -12,6 +13,7 @@ use crate::graph::Graph;
 use crate::node::Orders;
 use crate::parameters::Parameters;
 use crate::progress::{Progress, Timeline};
+use crate::registry::versions;
 use crate::rundir::{self, RunDir};
 use crate::supervisor::{Duty, Ran, Supervisor, Watcher};
 use crate::{open_files, shared_memory};
@@ -90,6 +92,9 @@ pub(crate) fn launch_before(
     shared_memory::check(&run, graph)?;
     let mut configuration = graph.configuration();
     if let Value::Object(configuration) = &mut configuration {
+        let versions = versions().filter(|(stage, _)| graph.has(stage));
+        let versions = versions.map(|(stage, version)| (stage.to_owned(), version.into()));
+        configuration.insert(VERSIONS.to_owned(), Value::Object(versions.collect()));
         for (key, value) in remarks {
             configuration.insert(key.to_owned(), value);
         }

@@ -23,6 +23,8 @@ pub(crate) struct NodeType {
     pub(crate) takes: fn(&Value) -> Vec<Kind>,
     /// What it makes with these settings.
     pub(crate) makes: fn(&Value) -> Vec<Kind>,
+    /// The version of its algorithm, of a stage that computes.
+    pub(crate) version: Option<u32>,
     /// Whether a scan is done only when it says so.
     pub(crate) finishes: bool,
     /// All keys of its settings.
@@ -46,13 +48,14 @@ impl NodeType {
 
 /// A line of the registry.
 macro_rules! node {
-    ($name:literal, $($krate:ident)::+, $about:literal, takes $takes:expr, makes $makes:expr, finishes $finishes:literal,
-     fixed $fixed:expr, thesis $thesis:expr) => {
+    ($name:literal, $($krate:ident)::+, $about:literal, takes $takes:expr, makes $makes:expr, version $version:expr,
+     finishes $finishes:literal, fixed $fixed:expr, thesis $thesis:expr) => {
         NodeType {
             name: $name,
             about: $about,
             takes: $takes,
             makes: $makes,
+            version: $version,
             finishes: $finishes,
             keys: <$($krate)::+::Settings as Settings>::KEYS,
             fixed: $fixed,
@@ -69,27 +72,29 @@ macro_rules! node {
 /// All kinds of node, in the order of the pipe.
 pub(crate) const NODES: &[NodeType] = &[
     node!("capture", capture, "where scans come from",
-        takes |_| Stage::Capture.takes().to_vec(), makes captured, finishes false, fixed None, thesis capture::Settings::default()),
+        takes |_| Stage::Capture.takes().to_vec(), makes captured, version None, finishes false, fixed None, thesis capture::Settings::default()),
     node!("replay", replay, "a recording in place of the stages before the cut",
-        takes |_| vec![], makes replayed, finishes false, fixed None, thesis replay::Settings::default()),
+        takes |_| vec![], makes replayed, version None, finishes false, fixed None, thesis replay::Settings::default()),
     node!("filter", filter, "Laplacian of Gaussian, zero-crossings, gradients",
-        takes |_| Stage::Filter.takes().to_vec(), makes |_| Stage::Filter.makes().collect(), finishes false, fixed Some(&["channels"]), thesis filter::Settings::thesis()),
+        takes |_| Stage::Filter.takes().to_vec(), makes |_| Stage::Filter.makes().collect(), version Some(filter::VERSION), finishes false, fixed Some(&["channels"]), thesis filter::Settings::thesis()),
     node!("track", track, "zero-crossings become curves",
-        takes |_| Stage::Track.takes().to_vec(), makes |_| Stage::Track.makes().collect(), finishes false, fixed Some(&[]), thesis track::Settings::thesis()),
+        takes |_| Stage::Track.takes().to_vec(), makes |_| Stage::Track.makes().collect(), version Some(track::VERSION), finishes false, fixed Some(&[]), thesis track::Settings::thesis()),
     node!("hough", hough, "curves become R-tables",
-        takes |_| Stage::Hough.takes().to_vec(), makes |_| Stage::Hough.makes().collect(), finishes false, fixed Some(&[]), thesis hough::Settings::thesis()),
+        takes |_| Stage::Hough.takes().to_vec(), makes |_| Stage::Hough.makes().collect(), version Some(hough::VERSION), finishes false, fixed Some(&[]), thesis hough::Settings::thesis()),
     node!("match", matching, "R-tables become matches, disparities and points",
-        takes |_| Stage::Match.takes().to_vec(), makes |_| Stage::Match.makes().collect(), finishes true, fixed Some(&["reference"]), thesis matching::Settings::thesis()),
+        takes |_| Stage::Match.takes().to_vec(), makes |_| Stage::Match.makes().collect(), version Some(matching::VERSION), finishes true, fixed Some(&["reference"]), thesis matching::Settings::thesis()),
     node!("map", map, "points of many frames along a rail become one map",
-        takes |_| Stage::Map.takes().to_vec(), makes |_| Stage::Map.makes().collect(), finishes true, fixed Some(&["window", "apart"]), thesis map::Settings::default()),
+        takes |_| Stage::Map.takes().to_vec(), makes |_| Stage::Map.makes().collect(), version Some(map::VERSION), finishes true, fixed Some(&["window", "apart"]), thesis map::Settings::default()),
     node!("evaluate", evaluate, "points against the truth, where the source knows it",
-        takes |_| Stage::Evaluate.takes().to_vec(), makes |_| Stage::Evaluate.makes().collect(), finishes true, fixed Some(&["view"]), thesis evaluate::Settings::default()),
+        takes |_| Stage::Evaluate.takes().to_vec(), makes |_| Stage::Evaluate.makes().collect(), version Some(evaluate::VERSION), finishes true, fixed Some(&["view"]), thesis evaluate::Settings::default()),
     node!("record", record, "every topic into MCAP",
-        takes recorded, makes |_| vec![], finishes true, fixed None, thesis record::Settings::default()),
+        takes recorded, makes |_| vec![], version None, finishes true, fixed None, thesis record::Settings::default()),
     node!("bridge", bridge, "the graph for Foxglove and other viewers",
-        takes |_| vec![], makes |_| vec![], finishes false, fixed None, thesis bridge::Settings::default()),
+        takes |_| vec![], makes |_| vec![], version None, finishes false, fixed None, thesis bridge::Settings::default()),
     node!("verify", replay::verify, "compares what is computed with what was recorded",
-        takes verified, makes |_| vec![], finishes true, fixed None, thesis replay::verify::Settings::default()),
+        takes verified, makes |_| vec![], version None, finishes true, fixed None, thesis replay::verify::Settings::default()),
+    node!("rehydrate", record::rehydrate, "makes the full recording that a proof stands for",
+        takes rehydrated, makes |_| vec![], version None, finishes true, fixed None, thesis record::rehydrate::Settings::default()),
 ];
 
 fn captured(settings: &Value) -> Vec<Kind> {
@@ -108,6 +113,20 @@ fn verified(settings: &Value) -> Vec<Kind> {
     let played = replay::replayed_kinds(settings.from);
     kinds.retain(|kind| !played.contains(kind) && !settings.without.contains(kind));
     kinds
+}
+
+fn rehydrated(settings: &Value) -> Vec<Kind> {
+    let settings = parse::<record::rehydrate::Settings>(settings).unwrap_or_default();
+    let mut kinds = Kind::ALL.to_vec();
+    kinds.retain(|kind| !settings.without.contains(kind));
+    kinds
+}
+
+/// The versions of all stages that compute, by their names.
+pub(crate) fn versions() -> impl Iterator<Item = (&'static str, u32)> {
+    NODES
+        .iter()
+        .filter_map(|node| Some((node.name, node.version?)))
 }
 
 fn replayed(settings: &Value) -> Vec<Kind> {

@@ -132,6 +132,10 @@ def main(path, csv_path):
                 case 'tricurve.Matches':
                     runs(decoded.matches, len(packed(decoded.points)), topic)
                     expect(all(r.reason > 0 for r in decoded.rejected), f'{topic}: no reason')
+                case 'tricurve.Digests':
+                    expect(decoded.algorithm == 'blake3-128', f'{topic}: {decoded.algorithm}')
+                    named = [*decoded.messages, *decoded.settings]
+                    expect(decoded.messages and all(d.name and len(d.digest) == 16 for d in named), f'{topic}: digests')
                 case 'tricurve.Evaluation':
                     shares = [decoded.scores[0].coverage, *(step.bad_one for step in decoded.curve)]
                     expect(all(0 <= share <= 1 for share in shares), f'{topic}: shares {shares}')

@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
+use messages::Kind;
 use record::{Export, ExportError, Exported, Recording, export};
+use tempfile::TempDir;
 
+use super::proof;
 use crate::cli::Export as Args;
 use crate::{Failure, Outcome};
 
@@ -38,6 +41,10 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     {
         crate::say!("tricurve: the cameras are not calibrated: depths are right up to one factor");
     }
+    let _computed = match recording.is_proof() {
+        true => complete(&mut recording, &wanted)?,
+        false => None,
+    };
     let written = export(&mut recording, &wanted).map_err(|error| match error {
         ExportError::WhichScan { .. } | ExportError::OntoItself(_) | ExportError::NoMap => {
             Failure::usage(error)
@@ -70,4 +77,35 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         true => Outcome::Lost,
         false => Outcome::Done,
     })
+}
+
+/// Computes what is exported of a proof and is not in it.
+fn complete(recording: &mut Recording, wanted: &Export) -> Result<Option<TempDir>, Failure> {
+    // Which kinds each format is made of, and whether of all scans.
+    let all = &Kind::ALL[..];
+    let needs: [(bool, &[Kind], bool); 5] = [
+        (wanted.csv.is_some(), &[Kind::Points], true),
+        (wanted.ply.is_some(), &[Kind::Image, Kind::Points], true),
+        (wanted.map.is_some(), &[Kind::Map, Kind::Growing], false),
+        (wanted.png.is_some(), all, true),
+        (wanted.thesis.is_some(), all, true),
+    ];
+    let needed: Vec<_> = needs.into_iter().filter(|(wanted, ..)| *wanted).collect();
+    let mut without = Kind::ALL.to_vec();
+    without.retain(|kind| !needed.iter().any(|(_, kinds, _)| kinds.contains(kind)));
+    let mut scans = match wanted.scan {
+        Some(scan) => vec![scan],
+        None => recording.whole_scans(),
+    };
+    if needed.is_empty() {
+        return Ok(None);
+    }
+    // Of a map only what is followed at its end is not in the proof; its own points are.
+    if !needed.iter().any(|(.., of_all)| *of_all) {
+        scans = recording.whole_scans();
+        scans.drain(..scans.len().saturating_sub(1));
+    } else if wanted.pfm.is_some() {
+        without.retain(|kind| *kind != Kind::Disparity);
+    }
+    proof::complete(recording, &scans, &without)
 }

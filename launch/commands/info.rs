@@ -4,6 +4,7 @@ use messages::Topic;
 use record::{Info, Recording, settings_in_lines};
 use serde::Serialize;
 
+use super::proof;
 use super::report::known;
 use crate::cli::Info as Args;
 use crate::{Failure, Outcome};
@@ -74,6 +75,17 @@ impl Check {
             }
         }
         let mut failures = info.failures();
+        let mut faults = Vec::new();
+        if info.proof {
+            let knows_settings = recording.metadata().knows_settings();
+            for &scan in &scans {
+                match proof::faults_of(recording, scan, knows_settings) {
+                    Ok(found) => faults.extend(found),
+                    Err(failure) => faults.push(failure.text),
+                }
+            }
+        }
+        failures.extend(faults);
         failures.extend(first.map(|scan| {
             format!(
                 "{bytes} bytes are damaged, the first in scan {scan}: recover writes what is readable"
@@ -103,7 +115,7 @@ impl Check {
             .filter(|topic| held.contains_key(&*topic.name))
             .count();
         let cameras = recording.metadata().rig.views.len();
-        let checked = vec![
+        let mut checked = vec![
             format!(
                 "all {messages} messages of {} scans were read, {sums}",
                 scans.len()
@@ -117,6 +129,12 @@ impl Check {
             format!("whether the calibration of each of {cameras} cameras is there"),
             "whether the run came to its end, and its ledger balances".to_owned(),
         ];
+        if info.proof {
+            checked.push(
+                "whether what it holds and its settings are what the digests say; what it does not hold was not computed"
+                    .to_owned(),
+            );
+        }
         Ok(Self { checked, failures })
     }
 }

@@ -3,7 +3,7 @@
 mod given;
 mod verified;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 
@@ -17,6 +17,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use self::verified::{Expected, Verified};
+use super::proof;
 use super::run::{recording, table};
 use crate::cli::Replay as Args;
 use crate::graph::{Graph, Overrides, reads_tables};
@@ -27,66 +28,20 @@ use crate::said::Early;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
-    let path = std::path::absolute(&args.file).map_err(Failure::failed)?;
-    let mut source = Recording::open(&path).map_err(Failure::failed)?;
     let mut said = Early::default();
-    for note in source.notes().iter().chain(source.remarks()) {
-        said.say(Level::Info, "replay", note.to_string());
-    }
-    let set = given::settings(args, &mut source)?;
-    let from = Stage::from(args.from);
-    let to = Stage::from(args.to);
-    if to < from {
-        let (from, to) = (from.name(), to.name());
-        let text = format!("--to {to} comes before --from {from}: nothing would be computed");
-        return Err(Failure::usage(text));
-    }
-    let stages = computing(&source, from, to);
-    check_cut(&source, from, &stages).map_err(Failure::failed)?;
-    let (first, end) = range(args, &source);
-    let is_part = first > 0 || end.is_some();
-    let recorded = &source.metadata().configuration;
-    let not_recorded = not_recorded(&source, &stages);
-    let mut graph = graph(args, &set, &stages, first, end, &path, recorded)?;
-    graph.fill_in("verify", "without", json!(not_recorded));
-    let is_other = |name: &str, key: &str| {
-        let then = recorded.get(name).and_then(|table| table.get(key));
-        graph.has(name) && graph.settings_of(name).get(key) != then
-    };
-    if graph.has("evaluate") && is_other("match", "reference") {
-        let text = "the recorded truth is of another reference view: nothing is evaluated";
-        said.say(Level::Info, "replay", text);
-        graph.remove("evaluate");
-    }
-    let rig = rig(&graph, &source)?;
-    // What is verified along a rail depends on frames before: they are played too.
-    let depths = Kind::ALL.map(|kind| depth(&rig, from, kind));
-    let is_computed = |(kind, _): &(Kind, u64)| graph.has(kind.stage().name());
-    let depths = Kind::ALL.into_iter().zip(depths).filter(is_computed);
-    let before = depths.map(|(_, depth)| depth).max().unwrap_or(0);
-    let before = if args.verify { before } else { 0 };
-    let choice = Choice {
-        from,
-        taken: graph.taken(),
-        first,
-        end,
+    let Plan {
+        mut graph,
+        source,
+        proven,
+        rig,
+        selection,
+        set,
+        not_recorded,
         before,
-        whole: args.verify,
-    };
-    for node in ["replay", "verify"] {
-        graph.fill_in(node, "before", before);
-    }
-    graph.fill_in("replay", "without", json!(not_held(&source, from)));
-    let selection = Selection::of(&source, choice).map_err(Failure::failed)?;
-    let played = selection.scans.len() - selection.lead;
-    if selection.broken > 0 {
-        let (broken, all) = (selection.broken, selection.broken + played);
-        let text = format!("{broken} of {all} scans are not whole and are left out");
-        said.say(Level::Warn, "replay", text);
-    }
-    graph.fill_in("record", "skip", selection.lead as u64);
-    // What is not there of the part that is wanted is missing from what comes out.
-    let is_less = selection.broken > 0 || !is_part && source.lacks_scans();
+        is_less,
+    } = Plan::of(args, None, &mut said)?;
+    let from = Stage::from(args.from);
+    let recorded = &source.metadata().configuration;
     let new_recording = recording(&mut graph)?;
     if let Some(new) = &new_recording {
         let old = record::Writer::check(new, args.force).map_err(Failure::failed)?;
@@ -138,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         let mut played = replayed_kinds(from);
         played.retain(|kind| !missing.contains(kind));
         let expected = Expected {
-            topics: expected(&source, &graph),
+            topics: expected(&source, &proven, &graph),
             scans: ran.ledger.done.saturating_sub(selection.lead as u64),
             lead: selection.lead as u64,
             lacking: before.min(selection.scans[selection.lead].0) - selection.lead as u64,
@@ -164,9 +119,130 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     Ok(outcome)
 }
 
+/// What is to be played, and the graph that it is played into.
+pub(super) struct Plan {
+    pub(super) graph: Graph,
+    pub(super) source: Recording,
+    /// Of a proof the topics that it has digests of.
+    proven: BTreeSet<String>,
+    pub(super) rig: Rig,
+    pub(super) selection: Selection,
+    /// What is set otherwise than it was recorded.
+    set: Vec<String>,
+    /// Kinds of message that are computed and not in the recording.
+    not_recorded: Vec<Kind>,
+    /// How many frames before a frame it depends on.
+    before: u64,
+    /// Whether something of the part that is wanted is not there.
+    pub(super) is_less: bool,
+}
+
+impl Plan {
+    /// Settles what is played; `sink` is a node more, which takes what is computed.
+    pub(super) fn of(
+        args: &Args,
+        sink: Option<(&'static str, Value)>,
+        said: &mut Early,
+    ) -> Result<Self, Failure> {
+        let path = std::path::absolute(&args.file).map_err(Failure::failed)?;
+        let mut source = Recording::open(&path).map_err(Failure::failed)?;
+        let knows_settings = source.metadata().knows_settings();
+        let proven = source.proven();
+        for note in source.notes().iter().chain(source.remarks()) {
+            said.say(Level::Info, "replay", note.to_string());
+        }
+        let set = given::settings(args, &mut source)?;
+        let from = Stage::from(args.from);
+        let to = Stage::from(args.to);
+        if to < from {
+            let (from, to) = (from.name(), to.name());
+            let text = format!("--to {to} comes before --from {from}: nothing would be computed");
+            return Err(Failure::usage(text));
+        }
+        let stages = computing(&source, from, to);
+        check_cut(&source, from, &stages).map_err(Failure::failed)?;
+        let (first, end) = range(args, &source);
+        let is_part = first > 0 || end.is_some();
+        let recorded = &source.metadata().configuration;
+        let not_recorded = not_recorded(&source, &stages, &proven);
+        if let Some(why) = proof::other_versions(recorded, &stages) {
+            match sink {
+                Some(_) => return Err(Failure::failed(why)),
+                None => said.say(Level::Warn, "replay", why),
+            }
+        }
+        let mut graph = graph(args, &set, &stages, (first, end), &path, recorded, sink)?;
+        graph.fill_in("verify", "without", json!(not_recorded));
+        let left_out = graph.settings_of("rehydrate").get("without");
+        let left_out = left_out.and_then(|kinds| serde_json::from_value(kinds.clone()).ok());
+        let left_out: Vec<Kind> = left_out.unwrap_or_default();
+        let mut without = Kind::ALL.to_vec();
+        let unproven = record::rehydrate::unproven(source.metadata());
+        let is_wanted = |kind: &Kind| {
+            let is_known = is_proven(&source, &proven, *kind) || unproven.contains(kind);
+            is_known && !left_out.contains(kind)
+        };
+        without.retain(|kind| !is_wanted(kind));
+        graph.fill_in("rehydrate", "without", json!(without));
+        let is_other = |name: &str, key: &str| {
+            let then = recorded.get(name).and_then(|table| table.get(key));
+            graph.has(name) && graph.settings_of(name).get(key) != then
+        };
+        if graph.has("evaluate") && is_other("match", "reference") {
+            let text = "the recorded truth is of another reference view: nothing is evaluated";
+            said.say(Level::Info, "replay", text);
+            graph.remove("evaluate");
+        }
+        let rig = rig(&graph, &source)?;
+        // What is verified along a rail depends on frames before: they are played too.
+        let depths = Kind::ALL.map(|kind| depth(&rig, from, kind));
+        let is_computed = |(kind, _): &(Kind, u64)| graph.has(kind.stage().name());
+        let depths = Kind::ALL.into_iter().zip(depths).filter(is_computed);
+        let before = depths.map(|(_, depth)| depth).max().unwrap_or(0);
+        let before = if args.verify { before } else { 0 };
+        let choice = Choice {
+            from,
+            taken: graph.taken(),
+            first,
+            end,
+            before,
+            whole: args.verify,
+        };
+        for node in ["replay", "verify"] {
+            graph.fill_in(node, "before", before);
+        }
+        graph.fill_in("replay", "without", json!(not_held(&source, from)));
+        let selection = Selection::of(&source, choice).map_err(Failure::failed)?;
+        let played = selection.scans.len() - selection.lead;
+        if selection.broken > 0 {
+            let (broken, all) = (selection.broken, selection.broken + played);
+            let text = format!("{broken} of {all} scans are not whole and are left out");
+            said.say(Level::Warn, "replay", text);
+        }
+        if source.is_proof() && (args.verify || graph.has("rehydrate")) {
+            let scans: Vec<u64> = selection.scans.iter().map(|(scan, _)| *scan).collect();
+            proof::check(&mut source, &scans, knows_settings, args.json)?;
+        }
+        graph.fill_in("record", "skip", selection.lead as u64);
+        // What is not there of the part that is wanted is missing from what comes out.
+        let is_less = selection.broken > 0 || !is_part && source.lacks_scans();
+        Ok(Self {
+            graph,
+            source,
+            proven,
+            rig,
+            selection,
+            set,
+            not_recorded,
+            before,
+            is_less,
+        })
+    }
+}
+
 /// The settings that were changed while it was recorded, of the stages that compute, by the numbers of the scans as they
 /// are played. What is set on the command line holds throughout.
-fn recorded_changes(
+pub(super) fn recorded_changes(
     repeats: bool,
     set: &[String],
     graph: &Graph,
@@ -234,11 +310,17 @@ fn not_held(source: &Recording, from: Stage) -> Vec<Kind> {
     kinds
 }
 
-/// The kinds of message that these stages make and the recording holds nothing of.
-fn not_recorded(source: &Recording, stages: &[Stage]) -> Vec<Kind> {
+/// The kinds of message that these stages make and the recording holds nothing of, not even digests.
+fn not_recorded(source: &Recording, stages: &[Stage], proven: &BTreeSet<String>) -> Vec<Kind> {
     let mut kinds: Vec<Kind> = stages.iter().flat_map(|stage| stage.makes()).collect();
-    kinds.retain(|kind| !is_held(source, *kind));
+    kinds.retain(|kind| !is_held(source, *kind) && !is_proven(source, proven, *kind));
     kinds
+}
+
+/// Whether there are digests of a topic of this kind.
+fn is_proven(source: &Recording, proven: &BTreeSet<String>, kind: Kind) -> bool {
+    let topics = Topic::of(&source.metadata().rig, kind);
+    topics.iter().any(|topic| proven.contains(&topic.name))
 }
 
 /// Whether the recording has a topic of this kind.
@@ -269,12 +351,13 @@ fn computing(source: &Recording, from: Stage, to: Stage) -> Vec<Stage> {
     Stage::ALL.into_iter().skip(1).filter(computes).collect()
 }
 
-/// The topics that are computed anew and that the recording holds.
-fn expected(source: &Recording, graph: &Graph) -> Vec<String> {
+/// The topics that are computed anew and that the recording holds, or has digests of.
+fn expected(source: &Recording, proven: &BTreeSet<String>, graph: &Graph) -> Vec<String> {
     let channels = source.channels();
     let is_computed = |topic: &Topic| {
         let stage = topic.kind.stage();
-        stage != Stage::Capture && graph.has(stage.name()) && channels.contains_key(&*topic.name)
+        let is_known = channels.contains_key(&*topic.name) || proven.contains(&topic.name);
+        stage != Stage::Capture && graph.has(stage.name()) && is_known
     };
     let mut topics = Topic::all(&source.metadata().rig);
     topics.retain(is_computed);
@@ -286,10 +369,10 @@ fn graph(
     args: &Args,
     set: &[String],
     stages: &[Stage],
-    first: u64,
-    end: Option<u64>,
+    (first, end): (u64, Option<u64>),
     path: &Path,
     recorded: &Value,
+    sink: Option<(&'static str, Value)>,
 ) -> Result<Graph, Failure> {
     let from = Stage::from(args.from);
     let mut tables = Map::new();
@@ -328,8 +411,14 @@ fn graph(
         source["rate"] = rate.into();
     }
     tables.insert("replay".to_owned(), source);
-    if args.verify {
-        tables.insert("verify".to_owned(), verify);
+    match sink {
+        Some((name, table)) => {
+            tables.insert(name.to_owned(), table);
+        }
+        None if args.verify => {
+            tables.insert("verify".to_owned(), verify);
+        }
+        None => {}
     }
     if let Some(file) = &args.record {
         let record = json!({

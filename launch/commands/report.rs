@@ -10,6 +10,7 @@ use messages::settings::{Key, Settings as _};
 use record::{ExportError, Known, Mismatches, Page, Recording, ReportError, report, thesis};
 use serde_json::{Map, Value};
 
+use super::proof;
 use crate::cli::Report as Args;
 use crate::graph::{self, GRAPH};
 use crate::offline::Tabulated;
@@ -28,19 +29,34 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         error => Failure::failed(error),
     };
-    if let Some(path) = &args.thesis {
-        thesis(&mut recording, path, args.force, &mut mismatches).map_err(refused)?;
-        said(path)?;
-    }
-    let Some(output) = &args.output else {
-        return Ok(Outcome::Done);
-    };
     let page = Page {
         scans: args
             .scans
             .map(|scans| scans.first..scans.end.unwrap_or(u64::MAX)),
         overwrite: args.force,
         known: known()?,
+    };
+    // What a proof does not hold of the scans that are shown is computed.
+    let mut shown = match args.output {
+        Some(_) => record::shown(&recording, &page).map_err(refused)?,
+        None => Vec::new(),
+    };
+    if args.thesis.is_some() {
+        shown.extend(
+            record::objects(&recording)
+                .into_iter()
+                .map(|(scan, _)| scan),
+        );
+    }
+    shown.sort_unstable();
+    shown.dedup();
+    let _computed = proof::complete(&mut recording, &shown, &[])?;
+    if let Some(path) = &args.thesis {
+        thesis(&mut recording, path, args.force, &mut mismatches).map_err(refused)?;
+        said(path)?;
+    }
+    let Some(output) = &args.output else {
+        return Ok(Outcome::Done);
     };
     let reported = report(&mut recording, &page, output, &mut mismatches).map_err(refused)?;
     said(output)?;

@@ -121,7 +121,7 @@ fn write(
 }
 
 /// A bar on a terminal; elsewhere what is written is said at the end.
-fn progress_bar(is_quiet: bool) -> Option<ProgressBar> {
+pub(super) fn progress_bar(is_quiet: bool) -> Option<ProgressBar> {
     let style = ProgressStyle::with_template("{bar:32} {pos}/{len} scans  {elapsed}");
     let on_terminal = std::io::stderr().is_terminal() && !is_quiet;
     on_terminal

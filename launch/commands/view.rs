@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering;
@@ -13,7 +13,8 @@ use messages::record::{Codec, Shown};
 use messages::recording::Recording;
 use messages::settings::Settings as _;
 
-use crate::cli::View as Args;
+use super::proof;
+use crate::cli::{Replay, View as Args};
 use crate::layout::{self, Checked, Focus, There, Viewer, Wanted};
 use crate::node::give_way;
 use crate::running::Running;
@@ -21,6 +22,8 @@ use crate::{Failure, Outcome, signals};
 
 /// How often it is looked whether the graph is still there.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// How long a graph may take to start before no browser is opened any more.
+const MOST_WAITED: Duration = Duration::from_secs(60);
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.layout {
@@ -54,8 +57,19 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
         crate::say!("view: {note}");
     }
     if args.check {
+        // What is not in a proof is computed while it plays: its last scan tells all of it.
+        let last: Vec<u64> = recording
+            .whole_scans()
+            .into_iter()
+            .next_back()
+            .into_iter()
+            .collect();
+        let _computed = proof::complete(&mut recording, &last, &[])?;
         let there = there_in(&mut recording)?;
         return checked(args, recording.codec(), &there);
+    }
+    if recording.is_proof() {
+        return computed(args, file);
     }
     let seen = Seen::of(&mut recording);
     let codec = recording.codec().clone();
@@ -72,6 +86,26 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
     }
     say_missed(player.missed());
     Ok(Outcome::Done)
+}
+
+/// Plays a proof: what it does not hold is computed meanwhile.
+fn computed(args: &Args, file: &Path) -> Result<Outcome, Failure> {
+    crate::say!("view: the recording is a proof: what it does not hold is computed while it plays");
+    if args.open {
+        open_when_there(SocketAddr::new(args.host, args.port));
+    }
+    let set = |key: &str, value: String| format!("bridge.{key}={value}");
+    super::replay::run(&Replay {
+        rate: Some(1.0),
+        repeat: true,
+        start_paused: args.start_paused,
+        view: true,
+        set: vec![
+            set("host", format!("{:?}", args.host.to_string())),
+            set("port", args.port.to_string()),
+        ],
+        ..Replay::of(file.to_owned(), None)
+    })
 }
 
 fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
@@ -184,29 +218,51 @@ fn tell(
          layouts     {foxgloves}\n              {lichtblicks}\n"
     ))?;
     if args.open {
-        let opener = if cfg!(target_os = "macos") {
-            "open"
-        } else {
-            "xdg-open"
-        };
-        let opened = Command::new(opener)
-            .arg(&foxglove)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn();
-        // It is waited for beside the view, so that nothing of it stays.
-        let waited = opened.and_then(|mut child| {
-            let wait = move || child.wait().map_or((), drop);
-            std::thread::Builder::new()
-                .name("open".to_owned())
-                .spawn(wait)
-        });
-        if let Err(error) = waited {
-            crate::say!("view: cannot open a browser with {opener}: {error}");
-        }
+        open(&foxglove);
     }
     Ok(())
+}
+
+/// Opens the browser when somebody listens at an address.
+fn open_when_there(address: SocketAddr) {
+    let wait = move || {
+        let until = Instant::now() + MOST_WAITED;
+        while Instant::now() < until {
+            if TcpStream::connect_timeout(&address, LOOK_EVERY).is_ok() {
+                return open(&foxglove_url(&format!("ws://{address}")));
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    };
+    let thread = std::thread::Builder::new().name("open".to_owned());
+    if let Err(error) = thread.spawn(wait) {
+        crate::say!("view: cannot open a browser: {error}");
+    }
+}
+
+/// Opens the browser.
+fn open(url: &str) {
+    let opener = if cfg!(target_os = "macos") {
+        "open"
+    } else {
+        "xdg-open"
+    };
+    let opened = Command::new(opener)
+        .arg(url)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    // It is waited for beside the view, so that nothing of it stays.
+    let waited = opened.and_then(|mut child| {
+        let wait = move || child.wait().map_or((), drop);
+        std::thread::Builder::new()
+            .name("open".to_owned())
+            .spawn(wait)
+    });
+    if let Err(error) = waited {
+        crate::say!("view: cannot open a browser with {opener}: {error}");
+    }
 }
 
 /// A word for the shell, as a user would write it.

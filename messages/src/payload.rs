@@ -490,6 +490,11 @@ macro_rules! message {
             pub fn sections(&self, most: usize) -> Vec<Section> {
                 vec![$(section(stringify!($section), self.$section, most)),+]
             }
+
+            /// The memory of its sections, in order.
+            pub fn memory(&self) -> Vec<&[u8]> {
+                vec![$(bytemuck::cast_slice(self.$section)),+]
+            }
         }
 
         impl $room<'_> {
@@ -716,6 +721,13 @@ macro_rules! any_view {
             pub fn sections(&self, most: usize) -> Vec<Section> {
                 match self {
                     $(Self::$name(view) => view.sections(most),)+
+                }
+            }
+
+            /// The memory of its sections, in order.
+            pub fn memory(&self) -> Vec<&[u8]> {
+                match self {
+                    $(Self::$name(view) => view.memory(),)+
                 }
             }
         }

@@ -14,6 +14,7 @@ mod annotations;
 mod codec;
 mod encoder;
 mod overlay;
+mod proof;
 mod refer;
 mod row;
 mod said;
@@ -25,6 +26,7 @@ mod wire;
 
 pub use codec::{Beside, DecodeError, Recorded, Said};
 pub use encoder::{Encoder, Sink};
+pub use proof::{DIGESTS, Digest, Digests, VERSIONS};
 pub use said::{CameraSaid, frame_said, places_said, size_said};
 pub use scene::{Level, SWAY};
 pub use schema::Schema;
@@ -54,6 +56,8 @@ pub enum Content {
     Picture,
     /// [`Statistics`] of each scan.
     Statistics,
+    /// The [`Digests`] of each scan.
+    Digests,
     /// The [`Ledger`](crate::ledger::Ledger).
     Ledger,
     /// The [`Health`](crate::health::Health) of the running graph.
@@ -73,14 +77,22 @@ pub struct Shown {
     pub rejected: bool,
     /// What came of the frames of cameras.
     pub cameras: bool,
+    /// Digests, in a proof.
+    pub digests: bool,
 }
 
 impl Shown {
-    /// All of them.
+    /// All that a graph that runs has.
     pub const ALL: Self = Self {
         views: true,
         rejected: true,
         cameras: true,
+        digests: false,
+    };
+    /// All that a recording may have.
+    pub const RECORDED: Self = Self {
+        digests: true,
+        ..Self::ALL
     };
 }
 
@@ -233,6 +245,13 @@ impl Codec {
             Content::Statistics,
             Schema::statistics(),
         ));
+        if shown.digests {
+            all.push(channel(
+                DIGESTS.to_owned(),
+                Content::Digests,
+                Schema::digests(),
+            ));
+        }
         all.push(channel(
             "ledger".to_owned(),
             Content::Ledger,

@@ -34,6 +34,8 @@ pub(super) struct Verified {
     lead: u64,
     /// Messages that were compared, of all topics.
     compared: u64,
+    /// Of these, those that were compared by their digests.
+    by_digest: u64,
     /// Topics that were to be verified and of which no message was compared.
     not_verified: Vec<String>,
     /// Kinds of message that were played, not computed, and not compared.
@@ -52,6 +54,9 @@ struct TopicVerified {
     equal: u64,
     different: u64,
     missing: u64,
+    /// Messages that were compared by their digests, since the recording is a proof.
+    #[serde(skip_serializing_if = "is_none")]
+    by_digest: u64,
     /// Messages of a rail's first frames, which depend on frames that are not in the recording: they are not compared.
     #[serde(skip_serializing_if = "is_none")]
     dependent: u64,
@@ -80,6 +85,7 @@ impl Verified {
                     equal: found.equal,
                     different: found.different,
                     missing: scans.saturating_sub(found.equal + found.different + found.dependent),
+                    by_digest: found.by_digest,
                     dependent: found.dependent,
                     first: found.first,
                 };
@@ -100,6 +106,7 @@ impl Verified {
             scans,
             lead: expected.lead,
             compared: topics.values().map(|topic| topic.compared).sum(),
+            by_digest: topics.values().map(|topic| topic.by_digest).sum(),
             not_verified,
             played: names(&expected.played),
             not_recorded: names(&expected.not_recorded),
@@ -129,6 +136,7 @@ impl fmt::Display for Verified {
                 missing,
                 dependent,
                 first,
+                ..
             } = found;
             writeln!(
                 f,
@@ -147,6 +155,18 @@ impl fmt::Display for Verified {
         if !self.not_recorded.is_empty() {
             let kinds = self.not_recorded.join(", ");
             writeln!(f, "\nnot in the recording, and not compared: {kinds}")?;
+        }
+        if self.by_digest > 0 {
+            let topics = self.topics.iter();
+            let by_digest = topics.filter(|(_, topic)| topic.by_digest > 0);
+            let by_digest: Vec<&str> = by_digest.map(|(topic, _)| topic.as_str()).collect();
+            writeln!(
+                f,
+                "\ncompared by their digests, since the recording is a proof: {} messages of {} topics, {}",
+                self.by_digest,
+                by_digest.len(),
+                by_digest.join(", ")
+            )?;
         }
         if self.lead > 0 {
             let (lead, them) = match self.lead {

@@ -1,6 +1,8 @@
 //! From a scan's messages to what recorder and viewers take: every topic encoded, and what is derived from it.
 
-use super::{Beside, Channel, Codec, Content, Level, Span, Statistics, Views};
+use std::collections::BTreeMap;
+
+use super::{Beside, Channel, Codec, Content, Digest, Digests, Level, Span, Statistics, Views};
 use crate::header::{Header, NONE};
 use crate::health::Health;
 use crate::ledger::Ledger;
@@ -36,6 +38,8 @@ pub struct Encoder {
     views: Views,
     topics: Vec<Topic>,
     refers: bool,
+    /// What the next scan was made with.
+    settings: BTreeMap<String, Digest>,
 }
 
 impl Encoder {
@@ -48,7 +52,18 @@ impl Encoder {
             codec,
             views: Views::default(),
             refers: true,
+            settings: BTreeMap::new(),
         }
+    }
+
+    /// Says what the scans from now on are made with, as [`Digests::of_settings`] gives it: digests say it too.
+    pub fn settle(&mut self, settings: BTreeMap<String, Digest>) {
+        self.settings = settings;
+    }
+
+    /// Whether it makes [`Digests`].
+    pub fn proves(&self) -> bool {
+        self.index(&Content::Digests).is_some()
     }
 
     /// Lets every message stand alone: none refers to another one.
@@ -116,7 +131,8 @@ impl Encoder {
             channels,
             views,
             refers,
-            ..
+            topics,
+            settings,
         } = self;
         let refers = *refers;
         // All views of a scan are of one size, and every message says it.
@@ -207,6 +223,18 @@ impl Encoder {
                             codec.encode(topic, header, *message, beside, out)
                         });
                     }
+                }
+                Content::Digests => {
+                    let of = |topic: &Topic| find(topic.kind, topic.view, topic.channel);
+                    let known = topics.iter().filter_map(|topic| Some((topic, of(topic)?)));
+                    let digest = |(topic, (header, message)): (&Topic, &(Header, AnyView<'_>))| {
+                        (topic.name.clone(), Digest::of(header, message))
+                    };
+                    let digests = Digests {
+                        messages: known.map(digest).collect(),
+                        settings: settings.clone(),
+                    };
+                    sink.add(index, |out| digests.encode(nanos, out));
                 }
                 Content::Statistics
                 | Content::Ledger

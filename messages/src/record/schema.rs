@@ -71,6 +71,11 @@ impl Schema {
         Self::foxglove::<Log>()
     }
 
+    /// Our own `tricurve.Digests`.
+    pub fn digests() -> Self {
+        Self::own("Digests")
+    }
+
     /// The JSON schema of [`Statistics`](super::Statistics).
     pub fn statistics() -> Self {
         let number = || json!({ "type": "number" });
@@ -290,6 +295,26 @@ impl Schema {
                         many("rejected", 7, Rejected::NAME),
                     ],
                 ),
+                // A topic, or a table of settings, and the first 16 bytes of BLAKE3 of what it says.
+                message(
+                    "Digest",
+                    vec![
+                        field("name", 1, Type::String),
+                        field("digest", 2, Type::Bytes),
+                    ],
+                ),
+                message(
+                    "Digests",
+                    vec![
+                        of_type(
+                            field("timestamp", 1, Type::Message),
+                            ".google.protobuf.Timestamp",
+                        ),
+                        field("algorithm", 2, Type::String),
+                        many("messages", 3, "Digest"),
+                        many("settings", 4, "Digest"),
+                    ],
+                ),
                 row::<Score>(),
                 row::<Share>(),
                 with_head(
@@ -369,6 +394,7 @@ mod tests {
             Schema::transforms(),
             Schema::annotations(),
             Schema::log(),
+            Schema::digests(),
         ];
         Kind::ALL
             .map(Schema::of)

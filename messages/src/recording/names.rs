@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 /// Topics that stand by their name alone.
-const SINGLE: [&str; 11] = [
+const SINGLE: [&str; 12] = [
     "tf",
     "statistics",
+    "digests",
     "ledger",
     "health",
     "synchronisation",
@@ -61,6 +62,7 @@ pub(super) fn schema_of(topic: &str) -> &'static str {
         ["curves", ..] => "tricurve.Curves",
         ["tables", ..] => "tricurve.Tables",
         ["matches", ..] => "tricurve.Matches",
+        ["digests"] => "tricurve.Digests",
         _ => "",
     }
 }
@@ -115,7 +117,7 @@ mod tests {
     use crate::{Rail, Rig, Size};
 
     fn names(rig: Rig) -> Vec<String> {
-        let channels = Codec::new(rig, 0).channels(Shown::ALL);
+        let channels = Codec::new(rig, 0).channels(Shown::RECORDED);
         channels.into_iter().map(|channel| channel.name).collect()
     }
 

@@ -7,8 +7,11 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::ledger::Ledger;
-use crate::record::{Codec, DecodeError, Recorded, Said, TRANSFORMS};
-use crate::{CurvesView, Header, Kind, Owned, Topic};
+use crate::record::{Codec, DIGESTS, DecodeError, Digest, Digests, Recorded, Said, TRANSFORMS};
+use crate::{
+    AnyView, Curves, CurvesView, Disparity, Edges, Evaluation, Growing, Header, Image, Kind, Map,
+    Matches, Owned, Points, Raw, Tables, Topic, Truth,
+};
 use mcap::{Attachment, McapError};
 use thiserror::Error;
 
@@ -260,6 +263,86 @@ impl Scan {
         message.header = self.placed(codec, message.header)?;
         Ok(message)
     }
+
+    /// Shows the message of a data topic of whatever kind.
+    ///
+    /// # Errors
+    /// When there is none, or it is damaged.
+    pub fn show<R>(
+        &self,
+        codec: &Codec,
+        topic: &Topic,
+        look: impl FnOnce(&Header, AnyView<'_>) -> R,
+    ) -> Result<R, ReadError> {
+        macro_rules! shown {
+            ($($kind:ident)+) => {
+                match topic.kind {
+                    $(Kind::$kind => {
+                        let message = self.decode::<$kind>(codec, topic)?;
+                        Ok(look(&message.header, message.view().into()))
+                    })+
+                }
+            };
+        }
+        shown!(Image Raw Truth Edges Curves Tables Matches Disparity Points Map Growing Evaluation)
+    }
+
+    /// Its digests, where it is one of a proof.
+    ///
+    /// # Errors
+    /// When they are damaged.
+    pub fn digests(&self) -> Result<Option<Digests>, ReadError> {
+        let digests = self.message(DIGESTS).map(Digests::decode).transpose();
+        digests.map_err(|source| ReadError::Message {
+            scan: self.sequence,
+            topic: DIGESTS.to_owned(),
+            source,
+        })
+    }
+
+    /// Of one of a proof: its messages that are not what their digests say, and settings, where these are known, that are not
+    /// those it was made with, a sentence each.
+    pub fn faults(
+        &self,
+        codec: &Codec,
+        settings: Option<&BTreeMap<String, Digest>>,
+    ) -> Vec<String> {
+        let scan = self.sequence;
+        let digests = match self.digests() {
+            Ok(Some(digests)) => digests,
+            Ok(None) => return vec![format!("scan {scan} has no {DIGESTS}")],
+            Err(error) => return vec![error.to_string()],
+        };
+        let mut faults = Vec::new();
+        if let Some(name) = settings.and_then(|settings| digests.changed(settings)) {
+            faults.push(match name {
+                "rig" => format!(
+                    "the rig (views, channels, calibration) is not the one that scan {scan} was made with: it was changed after \
+                     it was recorded"
+                ),
+                name => format!(
+                    "the settings of {name} are not those that scan {scan} was made with: they were changed after it was recorded"
+                ),
+            });
+        }
+        for topic in Topic::all(codec.rig()) {
+            if self.message(&topic.name).is_none() {
+                continue;
+            }
+            let name = &topic.name;
+            let is_it = |header: &Header, view: AnyView<'_>| {
+                digests.messages.get(name) == Some(&Digest::of(header, &view))
+            };
+            match self.show(codec, &topic, is_it) {
+                Ok(true) => {}
+                Ok(false) => faults.push(format!(
+                    "{name} of scan {scan} is not what its digest says: one of the two was changed after it was recorded"
+                )),
+                Err(error) => faults.push(error.to_string()),
+            }
+        }
+        faults
+    }
 }
 
 /// A recording: all its parts as one, every message once.
@@ -282,6 +365,8 @@ pub struct Recording {
     shelf: Shelf,
     /// Bytes of chunks that could not even be begun.
     lost_bytes: u64,
+    /// Some of its scans with what it does not hold of them.
+    completed: Vec<Recording>,
 }
 
 impl Recording {
@@ -306,6 +391,7 @@ impl Recording {
             spare: Vec::new(),
             shelf: Shelf::default(),
             lost_bytes: 0,
+            completed: Vec::new(),
         };
         recording.find_parts(said.as_ref().map(|said| &said.identity))?;
         recording.look_at_parts();
@@ -562,6 +648,45 @@ impl Recording {
         self.codec = Codec::new(rig.clone(), *reference);
     }
 
+    /// Whether it is a proof: of what it does not hold it has the digests.
+    pub fn is_proof(&self) -> bool {
+        self.channels().contains_key(DIGESTS)
+    }
+
+    /// What a scan of it was made with, by what it says now.
+    pub fn settings_of(&self, scan: u64) -> BTreeMap<String, Digest> {
+        let Metadata {
+            configuration, rig, ..
+        } = &self.metadata;
+        Digests::of_settings(configuration, rig, &self.changes(), scan)
+    }
+
+    /// Of a proof the topics whose messages it holds or has digests of, as its first scan that can be read says.
+    pub fn proven(&mut self) -> BTreeSet<String> {
+        let scans: Vec<u64> = match self.is_proof() {
+            true => self.scans().collect(),
+            false => Vec::new(),
+        };
+        let said = scans.into_iter().find_map(|scan| {
+            let scan = self.scan_of(scan, |topic| topic == DIGESTS).ok()?;
+            let digests = scan.digests().ok().flatten();
+            self.reuse(scan);
+            digests
+        });
+        said.unwrap_or_default().messages.into_keys().collect()
+    }
+
+    /// Reads these scans from now on out of another recording that holds more of them.
+    pub fn complete(&mut self, fuller: Self) {
+        self.completed.push(fuller);
+    }
+
+    /// Whether it has messages of this topic, of all scans or of those that are read out of a fuller recording.
+    pub fn holds(&self, topic: &str) -> bool {
+        let holds = |recording: &Self| recording.channels().contains_key(topic);
+        holds(self) || self.completed.iter().any(holds)
+    }
+
     /// What turns its messages back.
     pub fn codec(&self) -> &Codec {
         &self.codec
@@ -714,7 +839,8 @@ impl Recording {
     /// Its channels in the order they are defined: topic, message encoding, schema.
     pub fn definitions(&self) -> Vec<(&str, &str, Option<&FileSchema>)> {
         let mut definitions: Vec<(&str, &str, Option<&FileSchema>)> = Vec::new();
-        for Part { contents, .. } in &self.parts {
+        let fuller = self.completed.iter().flat_map(|fuller| &fuller.parts);
+        for Part { contents, .. } in self.parts.iter().chain(fuller) {
             for channel in contents.channels.values() {
                 if definitions
                     .iter()
@@ -765,6 +891,10 @@ impl Recording {
         wanted: impl Fn(&str) -> bool,
         mut on_damage: impl FnMut(ReadError, u64) -> Result<(), ReadError>,
     ) -> Result<Scan, ReadError> {
+        let has_it = |fuller: &&mut Self| fuller.scans.held.contains_key(&sequence);
+        if let Some(fuller) = self.completed.iter_mut().find(has_it) {
+            return fuller.scan_where(sequence, wanted, on_damage);
+        }
         let key = self.scans.key;
         let Some(held) = self.scans.held.get(&sequence) else {
             return Err(ReadError::NoScan {

@@ -160,7 +160,11 @@ fn needs(content: &Content, made: &[Kind]) -> Vec<Kind> {
         Content::Statistics => made.to_vec(),
         // They are said with every scan, whatever it holds.
         Content::Transforms | Content::Calibration(_) => made.iter().take(1).copied().collect(),
-        Content::Ledger | Content::Health | Content::Synchronisation | Content::Log => vec![],
+        Content::Digests
+        | Content::Ledger
+        | Content::Health
+        | Content::Synchronisation
+        | Content::Log => vec![],
     };
     kinds.retain(|kind| made.contains(kind));
     kinds

@@ -23,6 +23,9 @@ use messages::{EvaluationRoom, MatchesView, NONE, PointsView, Score, Share, Size
 pub use canny::Canny;
 pub use contours::{Compared, Contours, LEAST_LENGTH, SEEN_SHARE, Tracked, merged, near};
 
+/// The version of the algorithm: one more whenever the same input and settings give other evaluations.
+pub const VERSION: u32 = 1;
+
 /// Columns, and for mismatches rows, within which a truth counts.
 pub const NEAR: i32 = 2;
 

@@ -45,6 +45,9 @@ use picture::Picture;
 use smooth::Gaussian;
 use spectrum::Spectrum;
 
+/// The version of the algorithm: one more whenever the same input and settings give other edges.
+pub const VERSION: u32 = 1;
+
 /// Turns views into zero-crossings, one view at a time, channel by channel.
 pub struct Filter {
     scaling: Scaling,

@@ -20,6 +20,9 @@ pub use settings::{Settings, Weight};
 
 use messages::{CurvesView, Edge, Entry, Size, Table, TablesRoom};
 
+/// The version of the algorithm: one more whenever the same input and settings give other tables.
+pub const VERSION: u32 = 1;
+
 /// The least a vote by magnitude or curvature counts, in means of the view: a straight curve keeps a table that can be
 /// matched.
 pub const LEAST_WEIGHT: f32 = 1.0 / 16.0;

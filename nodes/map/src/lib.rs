@@ -21,6 +21,9 @@ use messages::{Calibration, GrowingRoom, MapPoint, MapRoom, Point, Size, Sway};
 
 use settled::Settled;
 
+/// The version of the algorithm: one more whenever the same input and settings give other maps.
+pub const VERSION: u32 = 1;
+
 messages::settings! {
     /// How points of many frames become one.
     pub struct Settings {

@@ -51,6 +51,9 @@ use support::Support;
 use surroundings::Surroundings;
 use triple::Steps;
 
+/// The version of the algorithm: one more whenever the same input and settings give other matches, disparities and points.
+pub const VERSION: u32 = 1;
+
 /// What one view says in one channel.
 #[derive(Clone, Copy, Debug)]
 pub struct ChannelView<'a> {

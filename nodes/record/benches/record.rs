@@ -30,7 +30,7 @@ fn record(criterion: &mut Criterion) {
     ] {
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings {
-            compression,
+            compression: Some(compression),
             ..Settings::default()
         };
         let create = |number: u32| {

@@ -7,7 +7,7 @@ use messages::change::Change;
 use messages::record::{Codec, Encoder, Shown, Sink};
 use messages::{Kind, Rig};
 
-use crate::Settings;
+use crate::{Keep, Settings};
 use messages::recording::{MESSAGE_HEAD, RECORD_HEAD};
 
 /// The encoded messages of one scan, as the records that stand in the file; made once and used again and again.
@@ -129,13 +129,21 @@ pub(crate) fn channel_id(index: usize) -> u16 {
 
 /// The kinds of message that a recording with these settings is made of: what it holds, and what its views show.
 pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
+    // What is drawn over an image is drawn only where that is recorded.
+    let is_drawn = settings.keep == Keep::All;
+    let is_pictured = settings.views && settings.keep != Keep::Proof;
     let is_shown = |kind: &Kind| match kind {
-        Kind::Curves | Kind::Matches => settings.views || settings.rejected,
-        Kind::Disparity | Kind::Points => settings.views,
+        Kind::Curves | Kind::Matches => is_drawn && (settings.views || settings.rejected),
+        Kind::Disparity | Kind::Points => is_pictured,
         _ => false,
     };
+    // Of what a proof does not hold it says the digest.
+    let is_said = |kind: &Kind| {
+        let is_proven = settings.keep == Keep::Proof && !settings.without.contains(kind);
+        is_proven || settings.holds(*kind)
+    };
     let mut kinds = Kind::ALL.to_vec();
-    kinds.retain(|kind| !settings.without.contains(kind) || is_shown(kind));
+    kinds.retain(|kind| is_said(kind) || is_shown(kind));
     kinds
 }
 
@@ -153,9 +161,11 @@ pub fn encoder(
         views: settings.views,
         rejected: settings.rejected,
         cameras,
+        digests: settings.keep == Keep::Proof,
     };
     let mut held = made.to_vec();
-    held.retain(|kind| !settings.without.contains(kind));
-    let channels = codec.channels_of(shown, &held);
+    held.retain(|kind| settings.holds(*kind));
+    let mut channels = codec.channels_of(shown, &held);
+    channels.retain(|channel| settings.keep.keeps(&channel.content));
     Encoder::new(codec, channels)
 }

@@ -221,11 +221,15 @@ fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<usize, Expor
         topics.any(|topic| topic.name == name || codec.refers(topic, name))
     };
     let read = recording.scan_of(scan, is_wanted)?;
-    let image: Owned<Image> = read.decode(recording.codec(), &images[reference])?;
+    // Of results alone there is no image: their points are white.
+    let image: Option<Owned<Image>> = match recording.holds(&images[reference].name) {
+        true => Some(read.decode(recording.codec(), &images[reference])?),
+        false => None,
+    };
     let points: Owned<Points> = read.decode(recording.codec(), &points)?;
 
     let rig = &recording.metadata().rig;
-    let size = image.header.size();
+    let size = points.header.size();
     let camera = rig.calibration(size);
     let units = match camera.calibrated {
         true => "calibrated: metres",
@@ -251,7 +255,8 @@ fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<usize, Expor
     )
     .into_bytes();
     for p in points.view().points {
-        let gray = pictures::gray_at(image.view().pixels, size, p.u, p.v);
+        let gray = |image: &Owned<Image>| pictures::gray_at(image.view().pixels, size, p.u, p.v);
+        let gray = image.as_ref().map_or(u8::MAX, gray);
         bytes.extend(
             [p.x, p.y, p.z, p.disparity, p.score]
                 .into_iter()

@@ -27,6 +27,8 @@ pub struct Info {
     pub version: String,
     /// Where its scans come from.
     pub source: String,
+    /// Whether it is a proof: of what it does not hold it has the digests.
+    pub proof: bool,
     /// Whether depths are in metres; without a calibration they are right up to one factor.
     pub calibrated: bool,
     /// Its files.
@@ -126,6 +128,7 @@ impl Info {
             remarks: recording.remarks().to_vec(),
             version: metadata.version.clone(),
             source: metadata.source.clone(),
+            proof: recording.is_proof(),
             calibrated: camera.is_some_and(|camera| camera.calibrated),
             parts: recording
                 .parts
@@ -204,7 +207,7 @@ fn topics(recording: &Recording, duration: f64) -> Vec<TopicInfo> {
             *counts.entry(topic).or_default() += 1;
         }
     }
-    let places = recording.codec().channels(Shown::ALL);
+    let places = recording.codec().channels(Shown::RECORDED);
     let place = |topic: &str| places.iter().position(|channel| channel.name == topic);
     let mut all: Vec<_> = recording.channels().into_iter().collect();
     all.sort_by_key(|(topic, _)| (place(topic).unwrap_or(usize::MAX), *topic));
@@ -265,6 +268,13 @@ impl fmt::Display for Info {
         };
         let by = or_not(&self.version, format!("tricurve {}", self.version));
         line(f, "written by", &by)?;
+        if self.proof {
+            line(
+                f,
+                "proof",
+                "of what is not in it there are digests: `tricurve rehydrate` computes it and writes a full recording",
+            )?;
+        }
         line(f, "source", &or_not(&self.source, self.source.clone()))?;
         line(
             f,

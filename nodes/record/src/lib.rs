@@ -20,6 +20,7 @@ mod info;
 mod map;
 #[cfg(feature = "node")]
 pub mod node;
+pub mod rehydrate;
 mod report;
 mod rewrite;
 mod seal;
@@ -40,11 +41,12 @@ pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
 pub use messages::record::{Encoder, Sink};
 pub use report::{
     Known, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report, settings_in_lines,
-    thesis,
+    shown, thesis,
 };
 pub use rewrite::{RewriteError, Rewritten, Split, Wanted, read_and_written, rewrite};
 pub use seal::{SealError, Sealed, seal};
-pub use settings::{Compression, Settings};
+pub use settings::{Compression, Keep, Settings};
+pub use thesis::objects;
 pub use thread::{Report, WriterThread, spawn};
 pub use writer::{WriteError, Writer, Written};
 

@@ -10,7 +10,7 @@ use messages::bus::{
     Start,
 };
 use messages::ledger::{Ledger, Seen};
-use messages::record::Level;
+use messages::record::{Digests, Level};
 use messages::{Reference, Rig};
 
 use crate::writer::now_nanos;
@@ -67,6 +67,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     let thread = spawn(writer, notify(bus)).map_err(RecordError::Thread)?;
     let done_below = start.resume.done_below.max(settings.skip);
     let mut recorder = Recorder::new(encoder, thread, done, done_below);
+    recorder.made_with = recorder.encoder.proves().then_some(metadata);
     bus.ready()?;
     let recorded = record(bus, &mut recorder, &mut scans, &mut heard);
     // Whatever has happened, what was handed to the writer is written, and the file gets its end.
@@ -210,6 +211,9 @@ struct Recorder {
     ledger: Ledger,
     health: Doctor,
     next_ledger: Instant,
+    /// Of a proof what says with which settings scans are made, and for how many changes the encoder knows it.
+    made_with: Option<Metadata>,
+    settled: Option<usize>,
 }
 
 impl Recorder {
@@ -231,6 +235,25 @@ impl Recorder {
             ledger: Ledger::default(),
             health: Doctor::default(),
             next_ledger: Instant::now() + LEDGER_EVERY,
+            made_with: None,
+            settled: None,
+        }
+    }
+
+    /// Lets the digests of a proof say with which settings a scan was made.
+    fn settle(&mut self, bus: &Bus, scan: u64) {
+        let Some(made_with) = &self.made_with else {
+            return;
+        };
+        let changes = bus.changes();
+        let held = changes.iter().filter(|change| change.from <= scan).count();
+        if self.settled != Some(held) {
+            self.settled = Some(held);
+            let Metadata {
+                configuration, rig, ..
+            } = made_with;
+            let settings = Digests::of_settings(configuration, rig, &changes, scan);
+            self.encoder.settle(settings);
         }
     }
 
@@ -247,6 +270,7 @@ impl Recorder {
             return self.leave_out(bus, scan.sequence);
         }
         let began = Instant::now();
+        self.settle(bus, scan.sequence);
         let views = scan.views()?;
         let mut batch = self.spare.pop().unwrap_or_default();
         self.encoder.encode(&views, &mut batch);

@@ -91,7 +91,7 @@ pub fn report(
     if !wanted.overwrite && path.is_file() {
         return Err(ReportError::Exists(path.to_owned()));
     }
-    let scans = chosen(recording, wanted)?;
+    let scans = shown(recording, wanted)?;
     let mut reported = Reported {
         scans,
         unreadable_bytes: 0,
@@ -134,8 +134,11 @@ impl From<Fault> for std::io::Error {
     }
 }
 
-/// The scans to show.
-fn chosen(recording: &Recording, wanted: &Page) -> Result<Vec<u64>, ReportError> {
+/// The scans that the page shows.
+///
+/// # Errors
+/// When none of those that are asked for is there.
+pub fn shown(recording: &Recording, wanted: &Page) -> Result<Vec<u64>, ReportError> {
     if let Some(range) = &wanted.scans {
         let scans: Vec<u64> = recording
             .scans()

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
-use messages::record::{Beside, Codec, TRANSFORMS};
+use messages::record::{Beside, Codec, DIGESTS, TRANSFORMS, VERSIONS};
 use messages::recording::{
     FileSchema, Identity, Metadata, ReadError, Recording, Scan, ScanOrder, part_path,
 };
@@ -23,7 +23,7 @@ use messages::{Curves, Kind, Rig, Tables, Topic};
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::{Compression, WriteError, Writer};
+use crate::{Compression, Keep, Settings, WriteError, Writer};
 
 /// Why recordings could not be rewritten.
 #[derive(Debug, Error)]
@@ -76,6 +76,9 @@ pub enum RewriteError {
         .0.display()
     )]
     Changed(PathBuf),
+    /// One is a proof and another one is not.
+    #[error("{} is a proof and cannot be merged with what is none: rehydrate it first", .0.display())]
+    Proof(PathBuf),
     /// Nothing was chosen.
     #[error("no scan is left to write; the input holds {0}")]
     Nothing(String),
@@ -167,7 +170,7 @@ pub fn rewrite(
         });
     }
     if let Some((other, stage)) = recordings.iter().find_map(|other| {
-        let stage = differing_stage(recordings[0].metadata(), other.metadata())?;
+        let stage = differing_stage(&recordings[0], other)?;
         Some((other, stage))
     }) {
         return Err(RewriteError::Settings {
@@ -175,6 +178,12 @@ pub fn rewrite(
             other: other.path().to_owned(),
             stage,
         });
+    }
+    let is_proof = |recording: &&Recording| recording.is_proof();
+    if let Some(proof) = recordings.iter().find(is_proof)
+        && !recordings.iter().all(|recording| recording.is_proof())
+    {
+        return Err(RewriteError::Proof(proof.path().to_owned()));
     }
     let is_changed = |recording: &&Recording| !recording.changes().is_empty();
     if let Some(changed) = recordings.iter().find(is_changed)
@@ -262,15 +271,22 @@ pub fn read_and_written<'a>(
 }
 
 /// The first stage that two recordings were computed with different settings of, as far as they say it.
-fn differing_stage(one: &Metadata, other: &Metadata) -> Option<&'static str> {
+fn differing_stage(one: &Recording, other: &Recording) -> Option<&'static str> {
+    let are_proofs = one.is_proof() && other.is_proof();
+    let (one, other) = (one.metadata(), other.metadata());
     if !one.knows_settings() || !other.knows_settings() {
         return None;
     }
-    let (one, other) = (one.computing().into_iter(), other.computing());
-    let pair = one.zip(other);
+    let (stages, others) = (one.computing().into_iter(), other.computing());
+    let pair = stages.zip(others);
     let differs =
         |((stage, one), (_, other)): ((&'static str, _), (_, _))| (one != other).then_some(stage);
-    pair.into_iter().find_map(differs)
+    // Digests hold for the versions that they were made with.
+    let versions = |metadata: &Metadata| metadata.configuration.get(VERSIONS).cloned();
+    let (is_same, stage) = (versions(one) == versions(other), VERSIONS);
+    pair.into_iter()
+        .find_map(differs)
+        .or((!is_same && are_proofs).then_some(stage))
 }
 
 /// Whether two recordings are of one rig, as far as they say it: what is read from messages knows nothing of triples.
@@ -564,7 +580,17 @@ fn open_part(out: &Path, number: u32, frame: &Frame, nanos: u64) -> Result<Part,
     let unfinished = path.with_file_name(format!(".{name}.part"));
     let error = |source: McapError| write_error(&path, source);
     let file = File::create(&unfinished).map_err(|e| error(e.into()))?;
-    let compression = match Compression::default() {
+    // What the recorder would have chosen.
+    let is_proof = |definition: &Definition| definition.topic == DIGESTS;
+    let keep = match frame.channels.iter().any(is_proof) {
+        true => Keep::Proof,
+        false => Keep::All,
+    };
+    let settings = Settings {
+        keep,
+        ..Settings::default()
+    };
+    let compression = match settings.compression() {
         Compression::None => None,
         Compression::Lz4 => Some(mcap::Compression::Lz4),
         Compression::Zstd => Some(mcap::Compression::Zstd),

@@ -104,7 +104,7 @@ impl Figure {
 }
 
 /// The objects of a recording: the first whole scan of each scene, at most [four](MOST_SCENES), and its name.
-pub(crate) fn objects(recording: &Recording) -> Vec<(u64, String)> {
+pub fn objects(recording: &Recording) -> Vec<(u64, String)> {
     let names = &recording.metadata().scans;
     let name = |scan: u64| usize::try_from(scan).ok().and_then(|scan| names.get(scan));
     let mut objects: Vec<u64> = Vec::new();

@@ -314,7 +314,7 @@ impl Writer {
             changes: Vec::new(),
             identity,
             channels: encoder.channels().to_vec(),
-            chunker: Chunker::new(settings.compression, settings.chunk_bytes),
+            chunker: Chunker::new(settings.compression(), settings.chunk_bytes),
             open,
             part: None,
             recorded: Written::default(),
@@ -706,7 +706,7 @@ mod tests {
     fn fill(path: &Path, room: u64, allocates: bool) -> u64 {
         let rig = synthetic::rig(Size::new(64, 48));
         let settings = Settings {
-            compression: Compression::None,
+            compression: Some(Compression::None),
             ..Settings::default()
         };
         let mut encoder = synthetic::encoder(&rig, &settings);

@@ -101,7 +101,7 @@ fn what_was_recorded_is_read_with_every_compression_and_chunk_size() {
         for chunk_bytes in [65_536, 1 << 20] {
             let (_folder, path) = folder();
             let settings = Settings {
-                compression,
+                compression: Some(compression),
                 chunk_bytes,
                 ..Settings::default()
             };
@@ -125,7 +125,7 @@ fn large_images_are_read_back_with_every_compression() {
     for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
         let (_folder, path) = folder();
         let settings = Settings {
-            compression,
+            compression: Some(compression),
             ..Settings::default()
         };
         let mut encoder = synthetic::encoder(&rig, &settings);
@@ -456,7 +456,7 @@ fn a_recording_is_split_by_time_and_by_size_and_read_as_one() {
     };
     let by_size = Settings {
         max_bytes: Some(1_000_000),
-        compression: Compression::None,
+        compression: Some(Compression::None),
         ..Settings::default()
     };
     for (settings, scans) in [(by_time, 9), (by_size, 12)] {
@@ -610,7 +610,7 @@ fn cut_anywhere_every_scan_that_was_flushed_is_read_and_survives_sealing() {
         (Compression::Zstd, 65_536),
     ] {
         let settings = Settings {
-            compression,
+            compression: Some(compression),
             chunk_bytes,
             ..Settings::default()
         };
@@ -741,7 +741,7 @@ fn damaged_files_are_told_and_never_panic() {
     record(
         &path,
         &Settings {
-            compression: Compression::None,
+            compression: Some(Compression::None),
             ..Settings::default()
         },
         0..2,

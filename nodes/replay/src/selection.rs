@@ -141,7 +141,7 @@ fn check_needed(
 impl Selection {
     /// Whether a scan of the replay comes after as many scans as it did when they were recorded, or after this many of them
     /// without a gap.
-    pub(crate) fn follows(&self, tick: u64, depth: u64) -> bool {
+    pub fn follows(&self, tick: u64, depth: u64) -> bool {
         let number = |tick: u64| self.scan(tick).0;
         let first = tick.saturating_sub(depth);
         let is_first = number(first) == 0;

@@ -23,6 +23,9 @@ pub use threshold::{HIGH_OVER_LOW, Histogram, LEAST_LOW, MOST_LOW, Thresholds};
 use link::{Links, Way};
 use messages::{Curve, CurvesRoom, Edge, EdgesView, NONE, Size};
 
+/// The version of the algorithm: one more whenever the same input and settings give other curves.
+pub const VERSION: u32 = 1;
+
 /// What there is to say about a frame besides its curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tracked {

@@ -59,6 +59,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Verif
             let began = std::time::Instant::now();
             let (number, _) = selection.scan(scan.sequence);
             let recorded = recording.scan(number)?;
+            let digests = recorded.digests()?.unwrap_or_default();
             for message in scan.messages() {
                 let (topic, header) = (message.topic(), message.header());
                 let depth = depth(&rig, settings.from, topic.kind);
@@ -66,7 +67,13 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Verif
                     findings.leave_out(topic);
                     continue;
                 }
-                findings.compare(&codec, &recorded, topic, &header, message.any_view()?);
+                findings.compare(
+                    &codec,
+                    (&recorded, &digests),
+                    topic,
+                    &header,
+                    message.any_view()?,
+                );
             }
             recording.reuse(recorded);
             findings.done(scan.sequence);
