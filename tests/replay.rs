@@ -193,6 +193,21 @@ fn a_replay_in_its_own_time_that_goes_on_for_ever_numbers_its_scans_on_and_ends_
 }
 
 #[test]
+fn a_verification_that_is_ended_early_has_not_verified_the_recording() {
+    let world = World::recorded("60");
+    let child = world.start(&["replay", "x.mcap", "--verify", "--rate", "1"]);
+    wait_until("it plays", || {
+        let ran = world.run(&["topic", "list"]);
+        ran.code == Some(0)
+    });
+    signal(child.id(), "INT");
+    let ran = Ran::new(child.wait_with_output().unwrap());
+    assert_eq!(ran.code, Some(3), "{ran:?}");
+    assert!(ran.out.contains("NOT verified:"), "{}", ran.out);
+    assert!(!ran.out.contains("equal to the byte"), "{}", ran.out);
+}
+
+#[test]
 fn a_verifier_and_a_replay_that_are_killed_lose_nothing() {
     let world = World::recorded("150");
     for node in ["replay", "verify"] {

@@ -95,6 +95,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         let expected = Expected {
             topics: expected(&source, &proven, &graph),
             scans: ran.ledger.done.saturating_sub(selection.lead as u64),
+            wanted: (selection.scans.len() - selection.lead) as u64,
             lead: selection.lead as u64,
             lacking: before.min(selection.scans[selection.lead].0) - selection.lead as u64,
             played,

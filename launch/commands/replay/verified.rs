@@ -14,6 +14,8 @@ pub(super) struct Expected {
     pub(super) topics: Vec<String>,
     /// Scans that came out.
     pub(super) scans: u64,
+    /// Scans that were to come out.
+    pub(super) wanted: u64,
     /// Scans before them that were played because they depend on them.
     pub(super) lead: u64,
     /// How many more of these there would have to be.
@@ -30,6 +32,8 @@ pub(super) struct Verified {
     /// Whether every message of every scan is the same to the byte, and of every topic there was one to compare.
     equal: bool,
     scans: u64,
+    /// Scans that were to be compared: fewer are where the replay was ended.
+    wanted: u64,
     /// Scans before these that were played because they depend on them, and not compared.
     lead: u64,
     /// Messages that were compared, of all topics.
@@ -98,12 +102,14 @@ impl Verified {
         let names = |kinds: &[Kind]| kinds.iter().map(|kind| kind.name()).collect();
         Self {
             equal: scans > 0
+                && scans >= expected.wanted
                 && !topics.is_empty()
                 && not_verified.is_empty()
                 && topics
                     .values()
                     .all(|topic| topic.equal + topic.dependent == scans),
             scans,
+            wanted: expected.wanted,
             lead: expected.lead,
             compared: topics.values().map(|topic| topic.compared).sum(),
             by_digest: topics.values().map(|topic| topic.by_digest).sum(),
@@ -201,6 +207,13 @@ impl fmt::Display for Verified {
         }
         if scans == 0 {
             return writeln!(f, "\nNOT verified: no scan was compared");
+        }
+        if scans < self.wanted {
+            writeln!(
+                f,
+                "\nNOT verified: {scans} of {} scans were compared when it was ended",
+                self.wanted
+            )?;
         }
         if self.not_verified.is_empty() {
             return Ok(());
