@@ -249,7 +249,12 @@ mod tests {
             was: json!(10),
         };
         let of = |scan| Digests {
-            settings: Digests::of_settings(&configuration, &rig, &[change.clone()], scan),
+            settings: Digests::of_settings(
+                &configuration,
+                &rig,
+                std::slice::from_ref(&change),
+                scan,
+            ),
             ..Digests::default()
         };
         let now = Digests::of_settings(&configuration, &rig, &[], 0);
