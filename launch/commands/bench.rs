@@ -512,6 +512,7 @@ impl fmt::Display for Compared {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::Profile;
 
     #[test]
     fn the_median_of_an_even_number_lies_between_the_two_in_the_middle() {
