@@ -42,6 +42,7 @@ impl Matcher {
             &self.further,
             &self.repetition,
             (size.width, range),
+            &mut self.alike,
         );
         let rivals = (s.repetition < 1.0).then_some(&mut rivals);
         match self.further.is_empty() {

@@ -249,7 +249,7 @@ impl<'a> Best<'a> {
     /// What is dearer is not kept.
     fn dearest(&self) -> f32 {
         match self.list.last() {
-            Some(last) if self.list.len() == self.start + self.keep => last.cost,
+            Some(last) if self.list.len() - self.start == self.keep => last.cost,
             _ => self.most,
         }
     }
@@ -265,7 +265,7 @@ impl<'a> Best<'a> {
             own.swap(at, at - 1);
             at -= 1;
         }
-        self.list.truncate(self.start + self.keep);
+        self.list.truncate(self.start.saturating_add(self.keep));
     }
 }
 

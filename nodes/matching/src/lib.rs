@@ -99,6 +99,8 @@ pub struct Matcher {
     support: Support,
     regions: Regions,
     repetition: Repetition,
+    /// Working memory of the search for rivals.
+    alike: Vec<(f32, f32)>,
     coarser: Surroundings,
     around: Surroundings,
     choices: Vec<Choice>,

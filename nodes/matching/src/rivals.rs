@@ -41,7 +41,7 @@ pub(crate) struct Rivals<'a> {
     /// Baselines to the near view: a pattern's period over it is what its aliases differ by.
     unit: f32,
     /// Of the reference view's points that are like one by how much their disparities differ and what they cost.
-    alike: Vec<(f32, f32)>,
+    alike: &'a mut Vec<(f32, f32)>,
 }
 
 impl<'a> Rivals<'a> {
@@ -51,6 +51,7 @@ impl<'a> Rivals<'a> {
         further: &'a [(f32, Rows)],
         repetition: &'a Repetition,
         (width, full): (u32, Range),
+        alike: &'a mut Vec<(f32, f32)>,
     ) -> Self {
         Self {
             own: &rows[steps.reference],
@@ -64,7 +65,7 @@ impl<'a> Rivals<'a> {
             width: width as f32,
             full,
             unit: steps.to_near.abs(),
-            alike: Vec::new(),
+            alike,
         }
     }
 
@@ -87,9 +88,9 @@ impl<'a> Rivals<'a> {
         // What is not worth choosing needs no rivals.
         let count = candidates.partition_point(|candidate| candidate.cost < like.nothing);
         let worth = &mut candidates[..count];
-        let mut alike = std::mem::take(&mut self.alike);
+        let mut alike = std::mem::take(self.alike);
         self.find_hidden(like, at, range, worth, &mut alike);
-        self.alike = alike;
+        *self.alike = alike;
         let Some(period) = period else { return };
         let mut own = None;
         for candidate in worth {
