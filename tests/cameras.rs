@@ -127,7 +127,18 @@ fn a_killed_capture_loses_no_scan_that_was_let_in_and_counts_those_that_went_by(
     let summary = ran.json();
     assert_eq!(summary["balanced"], true, "{summary}");
     let missed = &summary["ledger"]["refused"]["capture was restarted"];
-    assert!(missed.as_u64() >= Some(1), "{summary}");
+    // On an idle machine it may be back before the next frames come: then none went by.
+    let recording = Recording::open(&world.path("x.mcap")).unwrap();
+    let times: Vec<u64> = recording
+        .scans()
+        .filter_map(|scan| recording.nanos(scan))
+        .collect();
+    let mut apart: Vec<u64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    apart.sort_unstable();
+    let (usual, most) = (apart[apart.len() / 2], apart[apart.len() - 1]);
+    if most > 3 * usual {
+        assert!(missed.as_u64() >= Some(1), "{summary}");
+    }
     let info = world.run(&["info", "x.mcap", "--json"]).done().json();
     assert_eq!(info["scans"]["whole"], summary["ledger"]["done"], "{info}");
     adds_up(&summary);

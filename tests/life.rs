@@ -195,7 +195,11 @@ fn a_graph_whose_folder_is_removed_is_found_again_and_its_nodes_are_restarted() 
         // Who comes later finds it as before.
         let topics = world.run(&["topic", "echo", "points", "--count", "1"]);
         assert_eq!(topics.code, Some(0), "{what}: {topics:?}");
-        world.run(&["param", "set", "match.score=0.61"]).done();
+        // The launcher's own place in it comes back a moment after the folder.
+        wait_until("the launcher answers", || {
+            let set = world.run(&["param", "set", "match.score=0.61"]);
+            set.code == Some(0)
+        });
         // A node that dies is restarted, though nobody could clean up after it.
         let (_, pid) = world
             .nodes()

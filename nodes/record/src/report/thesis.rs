@@ -29,7 +29,7 @@ pub fn thesis(
         return Err(ExportError::NoScan.into());
     };
     // A recording without images, or without what is drawn over them, has no figures at all.
-    figures(recording, first, 1).map_err(ExportError::from)?;
+    figures(recording, first, 1)?;
     whole(path, |file| {
         let mut file = BufWriter::new(file);
         write(recording, &objects, rivals, &mut |html| {
