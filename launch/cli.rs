@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use capture::calibrate::Model;
 use capture::{Layout, Views};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use messages::{Delivery, Reference, Stage};
 
 use crate::layout::Viewer;
 use crate::profile::Profile;
-use messages::{Delivery, Reference, Stage};
 
 /// Depth from one camera moved along a rail, or from three or more in a row, by matching curves.
 #[derive(Debug, Parser)]

@@ -120,8 +120,9 @@ fn is_of_graphs(panel: &str) -> bool {
 }
 
 impl Viewer {
-    fn own((foxglove, lichtblick): (&'static str, &'static str), viewer: Self) -> &'static str {
-        match viewer {
+    /// Its own one of the two names of a thing.
+    fn own(self, (foxglove, lichtblick): (&'static str, &'static str)) -> &'static str {
+        match self {
             Self::Foxglove => foxglove,
             Self::Lichtblick => lichtblick,
         }
@@ -129,17 +130,17 @@ impl Viewer {
 
     /// Whether it has panels of this type.
     fn has(self, panel: &str) -> bool {
-        PANELS.iter().any(|names| Self::own(*names, self) == panel)
+        PANELS.iter().any(|names| self.own(*names) == panel)
     }
 
     /// A layout as it reads it, made from the one that Foxglove reads.
     fn named(self, layout: &str) -> String {
         let titled = layout.replace(
             &format!("\"{}\"", TITLE.0),
-            &format!("\"{}\"", Self::own(TITLE, self)),
+            &format!("\"{}\"", self.own(TITLE)),
         );
         PANELS.iter().fold(titled, |layout, names| {
-            let own = Self::own(*names, self);
+            let own = self.own(*names);
             layout.replace(&format!("\"{}!", names.0), &format!("\"{own}!"))
         })
     }

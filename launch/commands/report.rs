@@ -1,8 +1,8 @@
 //! `tricurve report`: a recording as one page.
 
-use clap::ValueEnum;
 use std::path::Path;
 
+use clap::ValueEnum;
 use evaluate::Evaluator;
 use matching::Method;
 use messages::Score;

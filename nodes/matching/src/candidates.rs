@@ -48,7 +48,7 @@ impl Candidate {
     };
 
     /// Which of two candidates of a point comes first: the cheaper one.
-    fn order(&self, other: &Self) -> Ordering {
+    pub(crate) fn order(&self, other: &Self) -> Ordering {
         let cheaper = self.cost.total_cmp(&other.cost);
         cheaper.then(self.spots.cmp(&other.spots))
     }
@@ -122,7 +122,8 @@ impl Candidates {
     }
 
     /// Collects the candidates of every point of the reference view, in the whole range of disparities or in what is
-    /// predicted around each, and their rivals: `search` appends those of a point, and says why there are no others. Why a point has none,
+    /// predicted around each, and their rivals: `search` appends the best of a point, cheapest first, and says why there are no
+    /// others. Why a point has none,
     /// or will hardly choose one, goes to `lost`.
     pub(crate) fn gather(
         &mut self,
@@ -151,14 +152,11 @@ impl Candidates {
                     _ => range,
                 };
                 let reason = search(spot, row, range, &mut self.list);
-                let own = &mut self.list[start..];
-                own.sort_unstable_by(Candidate::order);
+                let own = &self.list[start..];
                 lost[spot.point as usize] = match own.first() {
                     Some(best) if best.cost < like.nothing => Reason::Unsteady,
                     _ => reason,
                 };
-                self.list
-                    .truncate(start + like.keep.min(self.list.len() - start));
                 if let Some(rivals) = &mut rivals {
                     let own = &mut self.list[start..];
                     rivals.judge(like, (spot, row), range, period, own);

@@ -123,7 +123,7 @@ impl<'a> Sightings<'a> {
         }
     }
 
-    /// Appends what a point of the reference view may be in the other views, and says what became of what it is not.
+    /// Appends the best of what a point of the reference view may be in the other views, cheapest first, and says what became of what it is not.
     pub(crate) fn find(
         &mut self,
         like: &Likeness,
@@ -175,6 +175,8 @@ impl<'a> Sightings<'a> {
                 }
             }
         }
+        list[start..].sort_unstable_by(Candidate::order);
+        list.truncate(start.saturating_add(like.keep));
         reason
     }
 
