@@ -52,7 +52,7 @@ use surroundings::Surroundings;
 use triple::Steps;
 
 /// The version of the algorithm: one more whenever the same input and settings give other matches, disparities and points.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// What one view says in one channel.
 #[derive(Clone, Copy, Debug)]

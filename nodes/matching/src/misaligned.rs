@@ -61,75 +61,59 @@ impl Matcher {
                 },
                 ..ballot.clone()
             };
-            let reference = steps.reference;
-            let mut found = None;
-            for ballot in [ballot, &level] {
-                found = found.or_else(|| {
-                    self.offset(
-                        views,
-                        size,
-                        reference,
-                        &asked,
-                        (view, to),
-                        bands,
-                        ballot,
-                        most,
-                    )
-                });
-            }
+            let question = |ballot| Question {
+                views,
+                size,
+                reference: steps.reference,
+                asked: &asked,
+                view,
+                steps: to,
+                bands,
+                ballot,
+            };
+            let found = self
+                .offset(&question(ballot), most)
+                .or_else(|| self.offset(&question(&level), most));
             self.lower[view] = found.map_or(known, |lower| lower.clamp(known - most, known + most));
             self.fill_rows(views, size, view);
         }
         self.asked = asked;
     }
 
-    /// By how many rows another view's picture lies lower, where the curves asked tell; what is known of it is left changed.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "what is looked at, where, and how far"
-    )]
-    fn offset(
-        &mut self,
-        views: &[ChannelView<'_>; 3],
-        size: Size,
-        reference: usize,
-        asked: &[u32],
-        to: (usize, f32),
-        bands: &[Band],
-        ballot: &Ballot,
-        most: f32,
-    ) -> Option<f32> {
-        let known = self.lower[to.0];
-        let curves = views[reference].curves.curves;
-        let counts = asked
-            .iter()
-            .map(|&label| curves[label as usize].count as f32);
-        let points: f32 = counts.sum();
-        let mut agreement = |lower: f32| {
-            self.lower[to.0] = lower;
-            self.fill_rows(views, size, to.0);
-            self.agreement(views, reference, asked, to, bands, ballot)
-        };
-        let here = agreement(known).agreement;
+    /// By how many rows another view's picture lies lower, up to `most` more or less than known, where the curves asked
+    /// tell.
+    fn offset(&mut self, question: &Question<'_>, most: f32) -> Option<f32> {
+        let known = self.lower[question.view];
+        let found = self.offset_from(known, question, most);
+        self.lower[question.view] = known;
+        found
+    }
+
+    fn offset_from(&mut self, known: f32, question: &Question<'_>, most: f32) -> Option<f32> {
+        let here = self.agreement(question, known).agreement;
+        // Where most agree already least squares find the rest, unless bends that would tell show in other rows only.
+        if here >= NEAR * question.points()
+            && let Some(lower) = self.settled(question, known)
+        {
+            return Some(lower);
+        }
         let mut best = (BETTER * here, known);
-        // Where most agree already least squares find the rest.
-        let further = if here >= NEAR * points {
-            0
-        } else {
-            most as i32
-        };
-        for offset in (1..=further).flat_map(|i| [-i, i]) {
+        for offset in (1..=most as i32).flat_map(|i| [-i, i]) {
             let lower = known + offset as f32;
-            let found = agreement(lower).agreement;
+            let found = self.agreement(question, lower).agreement;
             if found > best.0 {
                 best = (found, lower);
             }
         }
-        let mut lower = best.1;
+        self.settled(question, best.1)
+    }
+
+    /// What least squares make of an offset, where curves tell it.
+    fn settled(&mut self, question: &Question<'_>, from: f32) -> Option<f32> {
+        let mut lower = from;
         for _ in 0..ROUNDS {
-            let found = agreement(lower);
+            let found = self.agreement(question, lower);
             if found.squares < ENOUGH {
-                self.lower[to.0] = known;
                 return None;
             }
             lower += (found.both / found.squares).clamp(-1.0, 1.0);
@@ -137,16 +121,20 @@ impl Matcher {
         Some(lower)
     }
 
-    /// How well the votes of curves of the reference view agree with one disparity each in another view.
-    fn agreement(
-        &mut self,
-        views: &[ChannelView<'_>; 3],
-        reference: usize,
-        asked: &[u32],
-        to: (usize, f32),
-        bands: &[Band],
-        ballot: &Ballot,
-    ) -> Lowered {
+    /// How well the votes of the curves asked agree with one disparity each where the view lies so many rows lower.
+    fn agreement(&mut self, question: &Question<'_>, lower: f32) -> Lowered {
+        let &Question {
+            views,
+            reference,
+            asked,
+            view,
+            steps,
+            bands,
+            ballot,
+            ..
+        } = question;
+        self.lower[view] = lower;
+        self.fill_rows(views, question.size, view);
         let views = Views {
             views,
             rows: &self.rows,
@@ -155,11 +143,35 @@ impl Matcher {
         let mut sum = Lowered::default();
         for &label in asked {
             let band = &bands[label as usize];
-            let found = self
-                .closed_loop
-                .agreement(views, (reference, label), to, band, ballot);
-            sum += found;
+            sum +=
+                self.closed_loop
+                    .agreement(views, (reference, label), (view, steps), band, ballot);
         }
         sum
+    }
+}
+
+/// Which curves of the reference view are asked about the rows of another view, and how.
+#[derive(Clone, Copy, Debug)]
+struct Question<'a> {
+    views: &'a [ChannelView<'a>; 3],
+    size: Size,
+    reference: usize,
+    /// Labels of the curves.
+    asked: &'a [u32],
+    /// The view whose rows are in question, …
+    view: usize,
+    /// … and how many steps it stands to the right of the reference.
+    steps: f32,
+    bands: &'a [Band],
+    ballot: &'a Ballot,
+}
+
+impl Question<'_> {
+    /// Points of all curves asked.
+    fn points(&self) -> f32 {
+        let curves = self.views[self.reference].curves.curves;
+        let counts = self.asked.iter().map(|&label| curves[label as usize].count);
+        counts.map(|count| count as f32).sum()
     }
 }

@@ -172,8 +172,8 @@ impl Settings {
     }
 
     /// The constants of the thesis: curves are assigned, not points; windows of 1.5 w by 24 rows around an initial
-    /// estimate of 32 pixels or what the coarser channel predicts; orientations within 10°; points without a partner
-    /// get the centroid's disparity.
+    /// estimate of 32 pixels or what the coarser channel predicts; orientations within 10°. Points without a partner are
+    /// interpolated along their curve, where the thesis gives them the centroid's disparity.
     pub fn thesis() -> Self {
         Self {
             reference: Reference::Left,

@@ -6,7 +6,7 @@
 //! contour is flat a vote says little about columns: such entries only say whether they are met there, and a curve that
 //! has hardly any others is compared by centroid and length.
 
-use messages::{Entry, NONE, Table};
+use messages::{Edge, Entry, NONE, Table};
 
 use crate::course::{Band, Course, Fit, Fullest, Lanes, Vote};
 use crate::rows::{Rows, STEEPEST, is_flat, turn};
@@ -83,6 +83,13 @@ const STEEP: f32 = 0.2;
 /// centroids are not, and a flat contour has nothing else to tell its disparity by.
 const LENGTHS: u32 = 2;
 
+/// Rows by which curves compared by their centroids may lie apart on the mean: a contour that falls by 10° lies a third of
+/// a row lower where its ends, and so its centroid, are two pixels off.
+const ROWS: f32 = 0.25;
+
+/// Columns within which a contour along the rows has a point.
+const NEAREST: f32 = 0.75;
+
 impl Votes {
     /// Lets a table vote for the curves of another view, `steps` to the right, and gives each one's peak, the most votes
     /// first.
@@ -126,8 +133,10 @@ impl Votes {
                 self.own.extend(votes.iter().map(|cast| cast.vote));
                 self.fullest.lane(&self.own, band, middle, ballot.lanes)
             } else {
-                let alike = table.count.abs_diff(other.count) <= LENGTHS;
-                alike.then(|| Course::level((table.x - other.x) / steps))
+                let course = Course::level((table.x - other.x) / steps);
+                let alike = table.count.abs_diff(other.count) <= LENGTHS
+                    && lower(entries, way, curve, &course).is_some_and(|rows| rows.abs() <= ROWS);
+                alike.then_some(course)
             };
             let Some(course) = course else {
                 continue;
@@ -345,6 +354,40 @@ fn table_of<'a>(side: &Side<'a>, label: u32) -> Option<(&'a Table, &'a [Entry])>
 fn place(entry: &Entry, from: &Side<'_>, ballot: &Ballot) -> Option<(f32, f32)> {
     let place = *from.places.get(entry.point as usize)?;
     (place.0 >= 0.0 && !is_flat(entry.orientation, ballot.flat)).then_some(place)
+}
+
+/// By how many rows on the mean a curve lies lower than a table's entries where a course says; nothing where they do not
+/// meet.
+fn lower(entries: &[Entry], way: &Way<'_>, curve: u32, course: &Course) -> Option<f32> {
+    let (mut sum, mut met) = (0.0, 0.0);
+    for entry in entries {
+        let Some(edge) = way.from.view.curves.points.get(entry.point as usize) else {
+            continue;
+        };
+        let row = edge.y - way.from.lower;
+        let x = edge.x - way.steps * course.at(row, edge.x);
+        let mut nearest: Option<&Edge> = None;
+        about(
+            way.to,
+            row,
+            x - NEAREST,
+            x + NEAREST,
+            way.ballot.rows,
+            |point, own| {
+                let there = &way.to.view.curves.points[point as usize];
+                let is_nearer =
+                    nearest.is_none_or(|other| (there.x - x).abs() < (other.x - x).abs());
+                if own == curve && is_nearer {
+                    nearest = Some(there);
+                }
+            },
+        );
+        if let Some(there) = nearest {
+            sum += there.y - way.to.lower - row;
+            met += 1.0;
+        }
+    }
+    (met > 0.0).then(|| sum / met)
 }
 
 /// The weight of the entries that meet a point of the curve where the course says; of those that are flat only, if the
@@ -644,6 +687,25 @@ mod tests {
         );
         assert_eq!((found[0].curve, found[0].course.disparity), (0, 10.0));
         assert_eq!(found[0].score, 1.0);
+    }
+
+    #[test]
+    fn a_nearly_flat_curve_that_ends_elsewhere_along_its_line_is_not_taken_by_its_centroid() {
+        let falling = |line: f32, columns: std::ops::Range<u32>| -> Vec<Edge> {
+            let point = |x: u32| Edge {
+                x: x as f32,
+                y: 10.05 + 0.17 * (x as f32 - line),
+                orientation: std::f32::consts::FRAC_PI_2 - 0.17,
+                ..Edge::default()
+            };
+            columns.map(point).collect()
+        };
+        let from = Seen::of(&[falling(40.0, 40..80)]);
+        let same = Seen::of(&[falling(30.0, 30..70)]);
+        let found = peaks(0, &from, &same, 1.0, RANGE, &BALLOT);
+        assert_eq!((found.len(), found[0].course.disparity), (1, 10.0));
+        let further = Seen::of(&[falling(30.0, 32..72)]);
+        assert_eq!(peaks(0, &from, &further, 1.0, RANGE, &BALLOT), []);
     }
 
     #[test]
