@@ -228,3 +228,35 @@ fn the_thesiss_photographs_are_compared_with_their_true_contours() {
         [10, 10, 10]
     );
 }
+
+#[test]
+fn cameras_out_of_line_keep_the_thesiss_claim_whichever_view_is_the_reference() {
+    let world = World::new();
+    for reference in ["left", "centre", "right"] {
+        let report = world
+            .run(&[
+                "evaluate",
+                "scene:thesis-screwdriver-misaligned",
+                "--profile",
+                "thesis",
+                "--set",
+                &format!("match.reference={reference}"),
+                "--json",
+            ])
+            .done()
+            .json();
+        let contours = &report["scenes"][0]["contours"];
+        let number = |value: &serde_json::Value| value.as_f64().unwrap();
+        for (channel, three_view) in contours["curves"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .zip(contours["methods"][0].as_array().unwrap())
+        {
+            let covered = number(&three_view["covered_px"]) / number(&channel["contours_px"]);
+            assert!(covered > 0.8, "{reference}: {covered}");
+            assert_eq!(three_view["points_over_2"], 0, "{reference}");
+            assert_eq!(three_view["curves_over_2"], 0, "{reference}");
+        }
+    }
+}
