@@ -267,6 +267,9 @@ pub(crate) struct View {
     /// The address to listen at; any but the loopback lets everybody on the network in, without a password
     #[arg(long, default_value = "127.0.0.1", value_parser = host)]
     pub(crate) host: IpAddr,
+    /// A web page that may look besides those of this machine and of the public viewers; may be given again
+    #[arg(long, value_name = "https://HOST:PORT")]
+    pub(crate) origin: Vec<String>,
     /// Begin paused, at the first scan
     #[arg(long, requires = "file")]
     pub(crate) start_paused: bool,

@@ -37,6 +37,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let settings = Settings {
         host: args.host.to_string(),
         port: args.port.into(),
+        origins: args.origin.clone(),
         ..Settings::default()
     };
     settings
@@ -82,7 +83,7 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
     tell(args, &title, player.address(), (&codec, &seen), Some(file))?;
     while !end.load(Ordering::Relaxed) {
         player.turn().map_err(Failure::failed)?;
-        say_slow(&player.slow());
+        say(&player.remarks());
     }
     say_missed(player.missed());
     Ok(Outcome::Done)
@@ -103,6 +104,7 @@ fn computed(args: &Args, file: &Path) -> Result<Outcome, Failure> {
         set: vec![
             set("host", format!("{:?}", args.host.to_string())),
             set("port", args.port.to_string()),
+            set("origins", format!("{:?}", args.origin)),
         ],
         ..Replay::of(file.to_owned(), None)
     })
@@ -140,7 +142,7 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
     while !end.load(Ordering::Relaxed) {
         viewing.wait();
         viewing.turn().map_err(Failure::failed)?;
-        say_slow(&viewing.slow());
+        say(&viewing.remarks());
         if next_look <= Instant::now() {
             next_look = Instant::now() + LOOK_EVERY;
             if !running.goes_on() {
@@ -153,9 +155,9 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-fn say_slow(viewers: &[SocketAddr]) {
-    for viewer in viewers {
-        crate::say!("view: the viewer {viewer} is too slow and does not get every scan");
+fn say(remarks: &[String]) {
+    for remark in remarks {
+        crate::say!("view: {remark}");
     }
 }
 

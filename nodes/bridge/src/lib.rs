@@ -11,6 +11,7 @@
 //! never holds anybody up: it gets fewer scans, whole ones, and how many it did not get is counted. What a viewer sends
 //! never becomes a path or a command.
 
+mod doorman;
 #[cfg(feature = "node")]
 mod live;
 #[cfg(feature = "node")]

@@ -277,9 +277,9 @@ impl<'a> Viewing<'a> {
         self.out.server.address()
     }
 
-    /// Viewers of which it is to be said now that they are too slow.
-    pub fn slow(&mut self) -> Vec<SocketAddr> {
-        self.out.server.slow()
+    /// What is to be said now of viewers: who was not let in, and who is too slow.
+    pub fn remarks(&mut self) -> Vec<String> {
+        self.out.server.remarks()
     }
 
     /// Scans that viewers did not get whole, of those they were to get.

@@ -34,9 +34,8 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), LiveE
     loop {
         viewing.wait_beside(bus);
         viewing.turn()?;
-        for viewer in viewing.slow() {
-            let text = format!("the viewer {viewer} is too slow and does not get every scan");
-            bus.log(Level::Warn, text);
+        for remark in viewing.remarks() {
+            bus.log(Level::Warn, remark);
         }
         if let Some(Request::Stop(_)) = bus.request(Duration::ZERO)? {
             break;

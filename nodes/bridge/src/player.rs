@@ -78,9 +78,9 @@ impl Player {
         self.server.address()
     }
 
-    /// Viewers of which it is to be said now that they are too slow.
-    pub fn slow(&mut self) -> Vec<SocketAddr> {
-        self.server.slow()
+    /// What is to be said now of viewers: who was not let in, and who is too slow.
+    pub fn remarks(&mut self) -> Vec<String> {
+        self.server.remarks()
     }
 
     /// Scans that viewers did not get whole, of those they were to get.

@@ -1,10 +1,11 @@
 //! The server: what it offers, what viewers ask of it, and one way out for every message.
 
-use std::collections::BTreeMap;
-use std::net::{IpAddr, SocketAddr};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::net::{SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crossbeam::channel::{Receiver, Sender, bounded};
 use foxglove::websocket::service::{Request, Service, ServiceSchema};
@@ -20,6 +21,7 @@ use foxglove::{
 use serde_json::{Value, json};
 
 use crate::Settings;
+use crate::doorman::{self, Doorman};
 use crate::viewers::{Viewers, unsent};
 
 /// Why nothing can be served.
@@ -144,8 +146,6 @@ const MOST_WISHES: usize = 256;
 const LEAST_MESSAGES: usize = 256;
 /// How long a service may take: longer than the launcher's answer to what it asks.
 const SERVICE_PATIENCE: Duration = Duration::from_secs(60);
-/// How often it is looked whether viewers keep up, when no scan comes.
-const SLOW_EVERY: Duration = Duration::from_secs(10);
 
 /// A server with its topics.
 pub(crate) struct Server {
@@ -161,9 +161,9 @@ pub(crate) struct Server {
     is_recording: bool,
     viewers: Viewers,
     backlog: u32,
-    ip: IpAddr,
-    port: u16,
-    told_slow: BTreeMap<SocketAddr, Instant>,
+    doorman: Doorman,
+    address: SocketAddr,
+    told_slow: BTreeSet<SocketAddr>,
 }
 
 impl Server {
@@ -214,10 +214,11 @@ impl Server {
         }
         // Every viewer has room for the scans that may wait for it, and the one that goes out.
         let backlog = channels.len() * (settings.backlog as usize + 1);
+        let hidden = doorman::hidden();
         let mut server = WebSocketServer::new()
             .name(offer.name)
             .context(&context)
-            .bind(&settings.host, settings.port as u16)
+            .bind(hidden.to_string(), 0)
             .message_backlog_size(backlog.max(LEAST_MESSAGES))
             .listener(Arc::clone(&listener) as Arc<dyn ServerListener>);
         if let Some((first, last)) = span {
@@ -230,11 +231,32 @@ impl Server {
                 .supported_encodings(["json"])
                 .services(services(&wish));
         }
+        let listen = |error: &dyn std::fmt::Display| ServeError::Listen {
+            host: settings.host.clone(),
+            port: settings.port,
+            cause: error.to_string(),
+        };
+        let door = TcpListener::bind((settings.host.as_str(), settings.port as u16));
+        let door = door.map_err(|error| match error.kind() {
+            io::ErrorKind::AddrInUse => ServeError::Taken {
+                host: settings.host.clone(),
+                port: settings.port,
+                how: offer.how,
+            },
+            _ => listen(&error),
+        })?;
+        let address = door.local_addr().map_err(|error| listen(&error))?;
         let handle = server.capabilities(capabilities).start_blocking();
-        let handle = handle.map_err(|error| not_listening(&error, settings, offer.how))?;
+        let handle = handle.map_err(|error| listen(&error))?;
+        let doorman = Doorman::stand(
+            door,
+            SocketAddr::new(hidden, handle.port()),
+            &settings.origins,
+        );
+        let doorman = doorman.map_err(|error| listen(&error))?;
         Ok(Self {
-            ip: settings.host.parse().unwrap_or([127, 0, 0, 1].into()),
-            port: handle.port(),
+            doorman,
+            address,
             handle: Some(handle),
             _context: context,
             channels,
@@ -246,13 +268,13 @@ impl Server {
             is_recording: span.is_some(),
             viewers: Viewers::default(),
             backlog: settings.backlog,
-            told_slow: BTreeMap::new(),
+            told_slow: BTreeSet::new(),
         })
     }
 
     /// Where it listens.
     pub(crate) fn address(&self) -> SocketAddr {
-        SocketAddr::new(self.ip, self.port)
+        self.address
     }
 
     /// Whether somebody is connected.
@@ -296,34 +318,40 @@ impl Server {
 
     /// Whether a viewer has taken all that was sent, or there is none.
     pub(crate) fn has_room(&self) -> bool {
-        let unsent = unsent(self.port);
+        let unsent = self.unsent();
         unsent.is_empty() || unsent.values().any(|bytes| *bytes == 0)
     }
 
     /// Notes scans that did not reach the bridge, so that no viewer gets them.
     pub(crate) fn leave_out(&mut self, scans: u64) {
-        self.viewers.leave_out(&unsent(self.port), scans);
+        self.viewers.leave_out(&self.unsent(), scans);
     }
 
     /// Whether a scan is to go out now, or every viewer still has scans before it.
     pub(crate) fn admit(&mut self) -> bool {
-        self.viewers.admit(&unsent(self.port), self.backlog)
+        self.viewers.admit(&self.unsent(), self.backlog)
     }
 
-    /// Viewers of which it is to be said now that they are too slow.
-    pub(crate) fn slow(&mut self) -> Vec<SocketAddr> {
-        let now = Instant::now();
-        let slow: Vec<SocketAddr> = self.viewers.slow(self.backlog).collect();
-        let is_due = |viewer: &SocketAddr| {
-            let told = self.told_slow.get(viewer);
-            told.is_none_or(|told| now.duration_since(*told) > SLOW_EVERY)
-        };
-        let due: Vec<SocketAddr> = slow.into_iter().filter(is_due).collect();
-        self.told_slow
-            .retain(|_, told| now.duration_since(*told) <= SLOW_EVERY);
-        self.told_slow
-            .extend(due.iter().map(|viewer| (*viewer, now)));
-        due
+    /// The viewers, and the bytes on their way to each.
+    fn unsent(&self) -> BTreeMap<SocketAddr, u64> {
+        let mut unsent = unsent(self.address.port());
+        unsent.retain(|viewer, _| self.doorman.knows(viewer));
+        unsent
+    }
+
+    /// What is to be said now: who was not let in, and, once of each, who is too slow.
+    pub(crate) fn remarks(&mut self) -> Vec<String> {
+        let mut remarks: Vec<String> = self.doorman.sentences().collect();
+        let is_there = |viewer: &SocketAddr| self.doorman.knows(viewer);
+        self.told_slow.retain(is_there);
+        for viewer in self.viewers.slow(self.backlog) {
+            if self.told_slow.insert(viewer) {
+                remarks.push(format!(
+                    "the viewer {viewer} is too slow and does not get every scan; how many is said at the end"
+                ));
+            }
+        }
+        remarks
     }
 
     /// Scans that viewers did not get whole, of those they were to get.
@@ -380,20 +408,6 @@ impl Drop for Server {
         if let Some(handle) = self.handle.take() {
             handle.stop().wait_blocking();
         }
-    }
-}
-
-fn not_listening(error: &FoxgloveError, settings: &Settings, how: &'static str) -> ServeError {
-    let (host, port) = (settings.host.clone(), settings.port);
-    match error {
-        FoxgloveError::Bind(io) if io.kind() == std::io::ErrorKind::AddrInUse => {
-            ServeError::Taken { host, port, how }
-        }
-        error => ServeError::Listen {
-            host,
-            port,
-            cause: error.to_string(),
-        },
     }
 }
 

@@ -177,7 +177,8 @@ impl Listing {
             match () {
                 () if is_hidden => {}
                 () if path.is_dir() => listing.folders.push(path),
-                () if image_file::is_image(&path) => listing.images.push(path),
+                // Neither pipes nor devices, of which none ends.
+                () if image_file::is_image(&path) && path.is_file() => listing.images.push(path),
                 () => listing.aside.add_other(path),
             }
         }
@@ -221,6 +222,9 @@ pub(crate) fn open(
         .then_some(Layout::Rail)
         .filter(|_| is_described(folder).unwrap_or_default()));
     let table = Table::read(folder, said)?;
+    if said.is_none() && !is_rail && table.layout == Layout::Views {
+        one_cameras(&table)?;
+    }
     let (mut notices, mut warnings) = (table.aside.sentences(folder), Vec::new());
     match (table.ignored, table.layout) {
         (0, _) => {}
@@ -291,6 +295,27 @@ pub(crate) fn open(
         notices,
         warnings,
     })
+}
+
+/// Refuses a folder whose names say that one camera took its images, one after the other.
+fn one_cameras(table: &Table) -> Result<(), SourceError> {
+    /// Folders that recorders put inside those of cameras.
+    const INSIDE: [&str; 5] = ["data", "images", "frames", "rgb", "image_raw"];
+    let whole = fs::canonicalize(&table.folder).unwrap_or_else(|_| table.folder.clone());
+    let parent = whole
+        .parent()
+        .filter(|_| INSIDE.contains(&name(&whole).as_str()));
+    let of = name(parent.unwrap_or(&whole));
+    match names::only_camera(&of, &table.cameras) {
+        Some(camera) if !is_described(&table.folder)? => Err(SourceError::TwoLayouts {
+            path: table.folder.clone(),
+            first: format!("the images of one camera ({camera})"),
+            second: "the views of one scene".to_owned(),
+            say: "--layout views if they are a scene's, --set capture.mode=rail if one camera moved, or give the folder that \
+                  holds those of all cameras",
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// Whether the folders of times name their images alike, so that a name is a camera's, and none describes itself.
@@ -368,6 +393,24 @@ fn in_turn(
             if lacking.len() > 1 { "are" } else { "is" },
             first.name,
             if lacking.len() > 1 { " for one" } else { "" }
+        ));
+    }
+    if let Some(first) = table.alone.first() {
+        warnings.push(format!(
+            "{} {} left out, for {} no partner in time: the first is {}",
+            counted(table.alone.len(), "image"),
+            if table.alone.len() > 1 { "are" } else { "is" },
+            if table.alone.len() > 1 {
+                "they have"
+            } else {
+                "it has"
+            },
+            layout::shown(
+                &first
+                    .strip_prefix(&table.folder)
+                    .unwrap_or(first)
+                    .to_string_lossy()
+            )
         ));
     }
     match table.together {

@@ -53,6 +53,8 @@ pub(crate) struct Table {
     /// Folders of times, where it is those.
     pub(crate) folders: Vec<PathBuf>,
     pub(crate) together: Together,
+    /// Images that go with none of the camera in the middle, put together by the times they are called after.
+    pub(crate) alone: Vec<PathBuf>,
     /// Images that lie elsewhere: in folders beside images, or beside folders with more.
     pub(crate) ignored: usize,
     /// Files that are left out.
@@ -119,6 +121,7 @@ impl Table {
             times,
             folders: Vec::new(),
             together: Together::Name,
+            alone: Vec::new(),
             ignored: 0,
             aside: Aside::default(),
         }

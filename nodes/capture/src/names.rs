@@ -158,6 +158,7 @@ const SIDES: [&[&str]; 3] = [
         "esquerdo",
         "lewa",
         "lewy",
+        "leftmost",
         "levy",
         "vlevo",
         "vanster",
@@ -194,6 +195,8 @@ const SIDES: [&[&str]; 3] = [
         "meio",
         "midden",
         "srodek",
+        "środek",
+        "front",
         "stred",
         "mitten",
         "midten",
@@ -211,6 +214,7 @@ const SIDES: [&[&str]; 3] = [
     ],
     &[
         "right",
+        "rightmost",
         "rgt",
         "droite",
         "droit",
@@ -541,6 +545,49 @@ pub(crate) fn beside_sides(names: &[String]) -> Option<&String> {
     (any(-1) && any(1)).then(|| &names[without])
 }
 
+/// The camera that a folder's or a file's name says alone, as `cam0`, `left` or `image_02` do; `None` where it may be
+/// anything.
+pub(crate) fn one_camera(name: &str) -> Option<String> {
+    /// Words after which a number is a device's; after others of [`CAMERAS`] it may be that of a scene.
+    const DEVICES: [&str; 9] = [
+        "cam", "camera", "kamera", "caméra", "camara", "sensor", "eye", "device", "image",
+    ];
+    let fields = fields(name);
+    let is_side = |field: &Field| side(&field.text, ["", "", ""]).is_some();
+    let device = |pair: &[Field]| {
+        let is_device = DEVICES.contains(&pair[0].text.as_str()) && pair[1].is_number;
+        is_device.then(|| format!("{}{}", pair[0].text, pair[1].text))
+    };
+    let side = fields.iter().find(|field| is_side(field));
+    side.map(|side| side.text.clone())
+        .or_else(|| fields.windows(2).find_map(device))
+}
+
+/// The camera that took all images of a folder, where its name or theirs say one and what differs in theirs is no
+/// camera's.
+pub(crate) fn only_camera(folder: &str, stems: &[String]) -> Option<String> {
+    let all: Vec<Vec<Field>> = stems.iter().map(|stem| fields(stem)).collect();
+    let (first, rest) = all.split_first()?;
+    let kinds = |fields: &[Field]| fields.iter().map(|f| f.is_number).collect::<Vec<_>>();
+    if rest.is_empty() || rest.iter().any(|own| kinds(own) != kinds(first)) {
+        return None;
+    }
+    let varies = |at: &usize| rest.iter().any(|own| own[*at] != first[*at]);
+    let counts_times = (0..first.len())
+        .filter(varies)
+        .all(|at| first[at].is_number && counts(first, at, false) != Counts::Cameras);
+    if !counts_times {
+        return None;
+    }
+    // What stands alike in all names; what differs keeps its place.
+    let text = |at: usize| match varies(&at) {
+        true => "x",
+        false => first[at].text.as_str(),
+    };
+    let common: Vec<&str> = (0..first.len()).map(text).collect();
+    one_camera(&common.join("_")).or_else(|| one_camera(folder))
+}
+
 /// The same, of names among which nothing else says where they stand.
 pub(crate) fn without_side(names: &[String]) -> Option<&String> {
     beside_sides(names).filter(|_| ranks(names).is_none())
@@ -661,6 +708,36 @@ mod tests {
             ],
         ] {
             assert_eq!(in_a_row(names), names);
+        }
+    }
+
+    #[test]
+    fn a_folder_of_one_cameras_images_is_known_by_its_name_or_theirs() {
+        let of = |folder: &str, names: [&str; 3]| only_camera(folder, &names.map(str::to_owned));
+        let numbers = ["000", "001", "002"];
+        let cases = [
+            ("cam0", numbers, Some("cam0")),
+            ("camera_1", numbers, Some("camera1")),
+            ("image_02", numbers, Some("image2")),
+            ("left", numbers, Some("left")),
+            ("scan", ["cam0_000", "cam0_001", "cam0_002"], Some("cam0")),
+            ("scan", ["left_5", "left_6", "left_7"], Some("left")),
+            (
+                "scan",
+                ["camera_1_frame_0", "camera_1_frame_1", "camera_1_frame_2"],
+                Some("camera1"),
+            ),
+            ("scan", numbers, None),
+            ("scan", ["image_1_3", "image_2_3", "image_3_3"], None),
+            ("scan3", ["view0", "view1", "view2"], None),
+            ("cam0", ["view0", "view1", "view2"], None),
+            ("left", ["cam0", "cam1", "cam2"], None),
+            ("left", ["left", "centre", "right"], None),
+            ("scene_1", ["im0", "im1", "im2"], None),
+            ("bright", numbers, None),
+        ];
+        for (folder, names, expected) in cases {
+            assert_eq!(of(folder, names).as_deref(), expected, "{folder} {names:?}");
         }
     }
 

@@ -1007,10 +1007,18 @@ fn calibration(
         warnings.extend(plausible::centre([taken.cx, taken.cy], size, what).map(Doubt::why));
     }
     if known.focal_px.is_some() && known.cx.and(known.cy).is_none() {
-        notices.push(format!(
-            "the principal point is not said: the middle of the picture is taken, {}, {}; set capture.cx and capture.cy",
-            taken.cx, taken.cy
-        ));
+        let (cx, cy) = (taken.cx, taken.cy);
+        notices.push(match (known.cx, known.cy) {
+            (Some(_), None) => format!(
+                "capture.cy is not said: the middle of the picture is taken, {cy}"
+            ),
+            (None, Some(_)) => format!(
+                "capture.cx is not said: the middle of the picture is taken, {cx}"
+            ),
+            _ => format!(
+                "the principal point is not said: the middle of the picture is taken, {cx}, {cy}; set capture.cx and capture.cy"
+            ),
+        });
     }
     let is_filed = settings.camera_info.is_some() || settings.calibration.is_some();
     let is_said = settings.baseline.is_some() || (is_filed && filed.known.baseline_m.is_some());

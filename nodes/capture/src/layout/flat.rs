@@ -38,10 +38,20 @@ pub(super) fn split(stems: &[String]) -> Result<Option<Vec<(String, String)>>, [
     }
     let differs = |field: &usize| all.iter().any(|fields| fields[*field] != first[*field]);
     let varying: Vec<usize> = (0..first.len()).filter(differs).collect();
+    // As in cam0_left_000: what follows from a camera's field says no time.
+    let follows = |other: usize, field: usize| {
+        let mut of: BTreeMap<&str, &str> = BTreeMap::new();
+        all.iter().all(|fields| {
+            let (own, said) = (&fields[other].text, &fields[field].text);
+            of.entry(said).or_insert(own) == own
+        })
+    };
     let parts = |field: usize| -> Vec<(String, String)> {
+        let is_of_time = |other: &&usize| !follows(**other, field);
+        let times: Vec<usize> = varying.iter().filter(is_of_time).copied().collect();
         let rest = |fields: &[Field]| {
-            let rest = varying.iter().filter(|other| **other != field);
-            rest.map(|other| fields[*other].text.as_str())
+            let rest = times.iter();
+            rest.map(|&other| fields[other].text.as_str())
                 .collect::<Vec<_>>()
                 .join("_")
         };
@@ -83,6 +93,17 @@ pub(super) fn split(stems: &[String]) -> Result<Option<Vec<(String, String)>>, [
     }
     // What says most; of those that say the same the one with the fewest cameras, if there are far fewer than times.
     candidates.sort_by_key(|candidate| (-candidate.says, candidate.cameras));
+    // Several fields that go with each other name the same cameras.
+    let mut different: Vec<Candidate> = Vec::new();
+    for candidate in candidates {
+        let is_same = |known: &Candidate| {
+            follows(candidate.field, known.field) && follows(known.field, candidate.field)
+        };
+        if !different.iter().any(is_same) {
+            different.push(candidate);
+        }
+    }
+    let candidates = different;
     let of = |candidate: &Candidate| {
         format!("{} cameras at {} times", candidate.cameras, candidate.times)
     };
@@ -313,6 +334,44 @@ mod tests {
                 assert!(camera.ends_with(&own), "case {number}: {camera}");
                 let digit = (place / cameras.len() + 1).to_string();
                 assert!(time.ends_with(&digit), "case {number}: {time}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_goes_with_a_camera_says_no_time() {
+        type Name = fn(usize, &str) -> String;
+        const SIDES: [&str; 3] = ["left", "center", "right"];
+        const SERIALS: [&str; 3] = ["7712", "8804", "9001"];
+        const COLOURS: [&str; 3] = ["mono", "color", "mono"];
+        let cases: [Name; 9] = [
+            |camera, time| format!("cam{camera}_{}_{time}", SIDES[camera]),
+            |camera, time| format!("{time}_cam{camera}_{}", SIDES[camera]),
+            |camera, time| format!("{}_cam{camera}_{time}", SIDES[camera]),
+            |camera, time| format!("{}{}_00{time}", SIDES[camera], camera + 1),
+            |camera, time| format!("00{time}_{}{}", SIDES[camera], camera + 1),
+            |camera, time| format!("SN{}_{}_{time}", SERIALS[camera], SIDES[camera]),
+            |camera, time| format!("{}_{}us_{time}", SIDES[camera], 100 * (camera + 1)),
+            |camera, time| format!("{}_{}_{time}", SIDES[camera], COLOURS[camera]),
+            |camera, time| format!("{}_00{time}_exp1{camera}00", SIDES[camera]),
+        ];
+        for (number, name) in cases.into_iter().enumerate() {
+            for times in [
+                &["1", "2", "3"][..],
+                &["1", "2"],
+                &["0", "1", "2", "3", "4", "5"],
+            ] {
+                let names = grid(&["0", "1", "2"], times, |camera, time| {
+                    name(camera.parse().unwrap(), time)
+                });
+                let parts = split(&names).unwrap().unwrap();
+                for (place, (camera, time)) in parts.iter().enumerate() {
+                    assert!(
+                        camera.ends_with(SIDES[place % 3]),
+                        "case {number}: {camera}"
+                    );
+                    assert!(time.ends_with(times[place / 3]), "case {number}: {time}");
+                }
             }
         }
     }

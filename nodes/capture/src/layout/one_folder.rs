@@ -30,6 +30,7 @@ pub(super) fn read(
         }],
         folders: Vec::new(),
         together: Together::Name,
+        alone: Vec::new(),
         ignored: 0,
         aside: Aside::default(),
     };
@@ -109,6 +110,7 @@ fn in_parts(folder: &Path, images: Vec<PathBuf>, layout: Layout) -> Table {
             .collect(),
         folders: Vec::new(),
         together: Together::Name,
+        alone: Vec::new(),
         ignored: 0,
         aside: Aside::default(),
     }

@@ -1,5 +1,8 @@
 //! Images that were taken at one time and have no name or number in common.
 
+use std::collections::BTreeSet;
+use std::path::Path;
+
 use super::{Piece, Table, Time, Together, stamp, stem};
 
 impl Table {
@@ -11,9 +14,20 @@ impl Table {
 
     /// Puts images together that are called after the time they were taken at, where they are; whether they are.
     pub(super) fn put_together_by_stamp(&mut self) -> bool {
-        let Some(times) = by_stamp(&self.by_camera()) else {
+        let by_camera = self.by_camera();
+        let Some(times) = by_stamp(&by_camera) else {
             return false;
         };
+        let taken: BTreeSet<&Path> = times
+            .iter()
+            .flat_map(|time| time.images.iter().flatten())
+            .map(|piece| piece.path.as_path())
+            .collect();
+        let all = by_camera.iter().flatten().map(|piece| &piece.path);
+        self.alone = all
+            .filter(|path| !taken.contains(path.as_path()))
+            .cloned()
+            .collect();
         (self.times, self.together) = (times, Together::Stamp);
         true
     }
