@@ -499,6 +499,26 @@ fn a_run_refuses_rows_that_are_off_and_goes_on_with_what_check_geometry_writes()
         !OF_VIEWS.iter().any(|said| mended.err.contains(said)),
         "{mended:?}"
     );
+    // Nobody said how far apart the views were taken: what aligns them does not either.
+    assert!(
+        mended.err.contains("depths are in arbitrary units"),
+        "{mended:?}"
+    );
+    let known = [
+        "--set",
+        "capture.focal=700",
+        "--set",
+        "capture.baseline=0.2",
+    ];
+    let check = ["check-geometry", &source, "-o", "scale.yaml"];
+    world.run(&[&check[..], &known].concat());
+    let to_scale = run_once(
+        &world,
+        &folder,
+        &["--set", "capture.calibration=scale.yaml"],
+    )
+    .done();
+    assert!(!to_scale.err.contains("arbitrary"), "{to_scale:?}");
     // Half a row is said, and matched.
     let mut cameras = views();
     cameras[1].centre[1] += 0.5;

@@ -204,11 +204,11 @@ impl House {
         let answers = thread::Builder::new()
             .name("answers".to_owned())
             .spawn(move || {
-                io::copy(&mut from, &mut to).map_or((), drop);
+                io::copy(&mut from, &mut to).unwrap_or_default();
                 to.shutdown(Shutdown::Both).unwrap_or_default();
             })?;
         let mut viewer = viewer;
-        io::copy(&mut viewer, &mut server).map_or((), drop);
+        io::copy(&mut viewer, &mut server).unwrap_or_default();
         server.shutdown(Shutdown::Both)?;
         answers.join().unwrap_or_default();
         Ok(())
@@ -299,7 +299,7 @@ mod tests {
                 let mut stream = stream.unwrap();
                 thread::spawn(move || {
                     let mut back = stream.try_clone().unwrap();
-                    io::copy(&mut stream, &mut back).map_or((), drop);
+                    io::copy(&mut stream, &mut back).unwrap_or_default();
                 });
             }
         });

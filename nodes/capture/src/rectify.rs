@@ -179,6 +179,8 @@ pub(crate) struct Rectifier {
     lenses: String,
     /// What speaks against the numbers.
     doubts: Vec<String>,
+    /// Whether focal length and baseline are known and not assumed.
+    is_to_scale: bool,
 }
 
 impl Rectifier {
@@ -196,12 +198,16 @@ impl Rectifier {
             (None, _) if settings.lens.is_some() => Err(SourceError::LensOfNothing),
             (None, _) => Ok(None),
             (Some(files), None) => {
-                let mounted = calibration::read(files, views, sizes, settings.lens)?;
-                let rectifier = Self::of(&mounted, settings, sizes);
-                rectifier.map(Some).map_err(|why| SourceError::CameraInfo {
-                    path: files.into(),
-                    why,
-                })
+                let read = calibration::read(files, views, sizes, settings.lens)?;
+                let mut rectifier =
+                    Self::of(&read.mounted, settings, sizes).map_err(|why| {
+                        SourceError::CameraInfo {
+                            path: files.into(),
+                            why,
+                        }
+                    })?;
+                rectifier.is_to_scale = read.is_to_scale;
+                Ok(Some(rectifier))
             }
             (Some(_), Some(other)) => Err(SourceError::CameraInfo {
                 path: other.into(),
@@ -270,6 +276,7 @@ impl Rectifier {
             lenses: lenses(mounted),
             geometry,
             doubts,
+            is_to_scale: true,
         })
     }
 
@@ -282,6 +289,9 @@ impl Rectifier {
             baseline_m,
             ..
         } = self.geometry.calibration;
+        if !self.is_to_scale {
+            return Known::default();
+        }
         Known {
             focal_px: Some(focal_px),
             cx: Some(cx),

@@ -409,7 +409,6 @@ mod tests {
             layout: Layout::Cameras,
             is_by_order: false,
             left_out: Vec::new(),
-            alone: Vec::new(),
             ignored: 0,
         };
         (shots, found)

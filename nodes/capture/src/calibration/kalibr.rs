@@ -14,6 +14,15 @@ pub(super) fn is(file: &Node) -> bool {
     file.get("cam0").is_some_and(|cam| cam.has("intrinsics"))
 }
 
+/// In the map of the first camera: its focal length and the steps are assumed. Kalibr's own readers pass it over.
+const ASSUMED: (&str, &str) = ("units", "arbitrary");
+
+/// Whether a file says that its focal length and baseline are assumed.
+pub(super) fn is_assumed(file: &Node) -> bool {
+    let said = file.get("cam0").and_then(|cam| cam.get(ASSUMED.0));
+    said.and_then(Node::text) == Some(ASSUMED.1)
+}
+
 pub(super) fn cameras(chain: &Node, lens: Option<LensModel>) -> Result<Vec<Mounted>, Why> {
     // Without the steps from camera to camera, where all stand in the frame of an inertial unit or a body says the same.
     let mut each = (0..).map_while(|index| chain.get(&format!("cam{index}")));
@@ -58,6 +67,7 @@ pub(super) fn cameras(chain: &Node, lens: Option<LensModel>) -> Result<Vec<Mount
 }
 
 /// A camchain of the views of a rig that are rectified but for what each is still off, as [`Sway`] says; remarks stand first.
+/// Where the camera is not calibrated it says so, and depths stay in arbitrary units.
 pub fn of_residual(
     sway: &[Sway],
     camera: &Calibration,
@@ -81,6 +91,9 @@ pub fn of_residual(
         let cy = middle[1] + sway.down_px + sway.turn * centre[0] + larger * centre[1];
         let name = names.get(view).map_or("", |name| name);
         line(format!("cam{view}:  # {name}"));
+        if view == 0 && !camera.calibrated {
+            line(format!("  {}: {}", ASSUMED.0, ASSUMED.1));
+        }
         line("  camera_model: pinhole".to_owned());
         line(format!(
             "  intrinsics: [{focal:?}, {focal:?}, {cx:?}, {cy:?}]"

@@ -84,6 +84,14 @@ impl Mount {
 /// What is wrong with a calibration, as the second half of a sentence.
 pub(crate) type Why = String;
 
+/// What calibration files hold.
+#[derive(Debug)]
+pub(crate) struct Read {
+    pub(crate) mounted: Vec<Mounted>,
+    /// Whether lengths are metres; of views that only are to be aligned focal length and baseline may be assumed.
+    pub(crate) is_to_scale: bool,
+}
+
 /// Reads the cameras of `views` views from calibration files, separated by commas.
 ///
 /// # Errors
@@ -94,7 +102,7 @@ pub(crate) fn read(
     views: usize,
     sizes: &[Size],
     lens: Option<LensModel>,
-) -> Result<Vec<Mounted>, SourceError> {
+) -> Result<Read, SourceError> {
     let whole = PathBuf::from(files);
     let paths: Vec<PathBuf> = paths(files).collect();
     let mut read = Vec::new();
@@ -114,7 +122,11 @@ pub(crate) fn read(
         )));
     }
     check(&mounted, views, sizes).map_err(wrong(&whole))?;
-    Ok(mounted)
+    let mut all = read.iter().flat_map(|(_, documents)| documents);
+    Ok(Read {
+        mounted,
+        is_to_scale: !all.any(kalibr::is_assumed),
+    })
 }
 
 /// The cameras of messages, which must be one a view and of the images as they were taken.

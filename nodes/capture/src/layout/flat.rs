@@ -77,7 +77,7 @@ pub(super) fn split(stems: &[String]) -> Result<Option<Vec<(String, String)>>, [
             () => match names::counts(first, field, false) {
                 Counts::Cameras => 2,
                 Counts::Times => -1,
-                Counts::Unknown if is_serial(&all, field) => 1,
+                Counts::Unknown if is_serial(&all, field) && !is_of_stamp(stems, &all, field) => 1,
                 Counts::Unknown => 0,
             },
         };
@@ -172,6 +172,12 @@ fn without(stems: &[String], all: &[Vec<Field>], field: usize) -> Vec<String> {
     let each = stems.iter().zip(all);
     each.map(|(stem, fields)| stem.replacen(&fields[field].text, "", 1))
         .collect()
+}
+
+/// Whether a field belongs to the time that all names are called after: without it they say none.
+fn is_of_stamp(stems: &[String], all: &[Vec<Field>], field: usize) -> bool {
+    let are_sure = |stems: &[String]| stems.iter().all(|stem| stamp::is_sure(stem));
+    are_sure(stems) && !are_sure(&without(stems, all, field))
 }
 
 /// Whether a field may be the serial number of a camera: long, of one length, and no date.
