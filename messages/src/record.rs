@@ -50,6 +50,8 @@ pub enum Content {
     Data(Topic),
     /// The curves of the view with this index, drawn over its image.
     Annotations(usize),
+    /// What can be said of matched curves over a view's image, by its index.
+    Labels(usize),
     /// The curves of the view with this index that were not matched, and why, drawn over its image.
     Rejected(usize),
     /// The disparity picture in colours.
@@ -73,6 +75,8 @@ pub enum Content {
 pub struct Shown {
     /// Curves over each image, the disparity picture in colours.
     pub views: bool,
+    /// Number, score and disparity of matched curves, over each image.
+    pub labels: bool,
     /// Curves that were not matched, over each image.
     pub rejected: bool,
     /// What came of the frames of cameras.
@@ -85,6 +89,7 @@ impl Shown {
     /// All that a graph that runs has.
     pub const ALL: Self = Self {
         views: true,
+        labels: true,
         rejected: true,
         cameras: true,
         digests: false,
@@ -225,6 +230,12 @@ impl Codec {
             all.extend(views.clone().map(|view| {
                 let name = camera(view, "annotations");
                 channel(name, Content::Annotations(view), Schema::annotations())
+            }));
+        }
+        if shown.labels {
+            all.extend(views.clone().map(|view| {
+                let name = camera(view, "labels");
+                channel(name, Content::Labels(view), Schema::annotations())
             }));
         }
         if shown.rejected {

@@ -1004,13 +1004,22 @@ fn the_longest_matched_curves_are_labelled_where_no_label_covers_another() {
         span.map(|span| (matches, span)),
         &mut bytes,
     );
-    let read = annotations(&bytes);
-    let said = texts(&read);
-    let (legend, labels) = said.split_at(5);
-    assert_eq!(legend, ["11.0 px", "9.0 px", "7.0 px", "5.0 px", "3.0 px"]);
+    let drawn = annotations(&bytes);
+    assert_eq!(
+        texts(&drawn),
+        ["11.0 px", "9.0 px", "7.0 px", "5.0 px", "3.0 px"]
+    );
+    let mut labels = Vec::new();
+    let matches = (matches, span.unwrap());
+    Views::default().labels(&codec(), &header, curves, matches, &mut labels);
+    let read = annotations(&labels);
+    assert!(read.points.is_empty(), "labels alone");
     // They are numbered as in the reference view, the centre: the longest first, then those that have room to the right
     // or to the left; 20 and 7 points are shorter than a label.
-    assert_eq!(labels, ["107 0.970", "104 0.940", "101 0.910", "100 0.900"]);
+    assert_eq!(
+        texts(&read),
+        ["107 0.970 10.0", "104 0.940 7.0", "100 0.900 3.0"]
+    );
     let boxes: Vec<[f64; 4]> = read
         .texts
         .iter()
@@ -1028,25 +1037,95 @@ fn the_longest_matched_curves_are_labelled_where_no_label_covers_another() {
     }
     let colour = |text: &fg::TextAnnotation| text.text_color.unwrap();
     assert_eq!(
+        colour(&drawn.texts[0]),
+        drawn.points[8].outline_color.unwrap()
+    );
+    assert_eq!(
+        colour(&drawn.texts[4]),
+        drawn.points[0].outline_color.unwrap()
+    );
+    assert_eq!(
         colour(&read.texts[0]),
-        read.points[8].outline_color.unwrap()
-    );
-    assert_eq!(
-        colour(&read.texts[4]),
-        read.points[0].outline_color.unwrap()
-    );
-    assert_eq!(
-        colour(&read.texts[5]),
-        read.points[7].outline_color.unwrap()
+        drawn.points[7].outline_color.unwrap()
     );
     // The second time nothing is left of the first.
     let mut views = Views::default();
     for _ in 0..2 {
         let mut again = Vec::new();
-        let matches = span.map(|span| (matches, span));
-        views.annotations(&codec(), &header, curves, matches, &mut again);
+        views.annotations(&codec(), &header, curves, Some(matches), &mut again);
         assert!(again == bytes);
+        again.clear();
+        views.labels(&codec(), &header, curves, matches, &mut again);
+        assert!(again == labels);
     }
+}
+
+#[test]
+fn labels_stay_few_and_a_calibrated_cameras_legend_says_metres() {
+    let (curves, points): (Vec<Curve>, Vec<Vec<Edge>>) = (0..60u32)
+        .map(|label| {
+            let [x, y] = [
+                60.0 + 200.0 * (label % 9) as f32,
+                40.0 + 60.0 * (label / 9) as f32,
+            ];
+            let curve = Curve {
+                label,
+                first: label,
+                count: 1,
+                x,
+                y,
+                length: 400.0,
+                ..Curve::default()
+            };
+            (
+                curve,
+                vec![Edge {
+                    x,
+                    y,
+                    ..Edge::zeroed()
+                }],
+            )
+        })
+        .unzip();
+    let points = points.concat();
+    let curves = messages::CurvesView {
+        curves: &curves,
+        points: &points,
+    };
+    let found: Vec<Match> = (0..60)
+        .map(|label| Match {
+            curves: [label, label, NONE],
+            disparity: 10.0 + label as f32,
+            score: 0.9,
+            ..Match::default()
+        })
+        .collect();
+    let matches = messages::MatchesView {
+        matches: &found,
+        points: &[],
+        rejected: &[],
+    };
+    let span = Span::of(found.iter().map(|found| found.disparity)).unwrap();
+    let header = Header {
+        view: 0,
+        ..Header::new(0, NANOS, Size::new(1920, 480))
+    };
+    let mut rig = codec().rig().clone();
+    rig.calibration = Some(messages::Calibration {
+        focal_px: 700.0,
+        baseline_m: 0.06,
+        calibrated: true,
+        ..messages::Calibration::assumed(header.size())
+    });
+    let codec = messages::record::Codec::new(rig, codec().reference());
+    let (mut labels, mut drawn) = (Vec::new(), Vec::new());
+    let mut views = Views::default();
+    views.labels(&codec, &header, curves, (matches, span), &mut labels);
+    assert_eq!(texts(&annotations(&labels)).len(), 24);
+    views.annotations(&codec, &header, curves, Some((matches, span)), &mut drawn);
+    let drawn = annotations(&drawn);
+    let legend = texts(&drawn);
+    assert_eq!((legend.len(), legend[4]), (5, "10.0 px, 4.20 m"));
 }
 
 #[test]

@@ -189,7 +189,7 @@ impl Labels {
     }
 
     /// Writes beside a curve's centroid, where there is room, with half a line to the next text; nothing when the curve
-    /// is shorter than this share of the text, which would hide it.
+    /// is shorter than this share of the text, which would hide it. Whether it did.
     pub(super) fn name(
         &mut self,
         sheet: &mut Sheet<'_>,
@@ -197,19 +197,21 @@ impl Labels {
         share: f32,
         text: fmt::Arguments<'_>,
         colour: Colour,
-    ) {
+    ) -> bool {
         self.compose(text);
         let (width, height) = (self.width_of(self.text.len()), self.height);
         if curve.length < share * width {
-            return;
+            return false;
         }
         let bottom = curve.y + height / 2.0;
         let sides = [curve.x + GAP, curve.x - GAP - width].map(|left| [left, bottom]);
         let places = &mut self.places;
         let is_free = |&at: &[f32; 2]| places.take(at, [width, height], height / 2.0);
-        if let Some(corner) = sides.into_iter().find(is_free) {
+        let corner = sides.into_iter().find(is_free);
+        if let Some(corner) = corner {
             sheet.text(corner, &self.text, height, colour);
         }
+        corner.is_some()
     }
 }
 

@@ -199,6 +199,16 @@ impl Encoder {
                         });
                     }
                 }
+                Content::Labels(view) => {
+                    let curves = find(Kind::Curves, *view as u32, finest);
+                    if let (Some((header, AnyView::Curves(curves))), Some(matches), Some(span)) =
+                        (curves, matches, span)
+                    {
+                        sink.add(index, |out| {
+                            views.labels(codec, header, *curves, (matches, span), out)
+                        });
+                    }
+                }
                 Content::Rejected(view) => {
                     let curves = find(Kind::Curves, *view as u32, finest);
                     if let (Some((header, AnyView::Curves(curves))), Some(matches)) =

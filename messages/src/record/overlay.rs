@@ -10,6 +10,9 @@ use crate::payload::{Curve, CurvesView, Match, MatchesView};
 /// Curves whose partners were not found.
 const UNMATCHED: Colour = [0.55, 0.6, 0.65, 0.7];
 
+/// Labels over one image: more would hide it.
+const MOST_LABELS: usize = 24;
+
 /// Stands beside the codes of reasons: a reason that a later version gave.
 const OTHER: u32 = 0;
 /// Stands beside the codes of reasons: no match names the curve, which is not of the reference view.
@@ -17,10 +20,8 @@ const UNNAMED: u32 = Reason::ALL.len() as u32 + 1;
 
 impl Views {
     /// Appends a view's curves over its image, a `foxglove.ImageAnnotations`: those that are matched in the colour of
-    /// their disparity, with a dot at the centroid, and a legend of the colours.
-    ///
-    /// Labels say the number of the match's curve in the reference view, the same in all views, and the match's score:
-    /// beside the centroids of curves no shorter than their label, the longest first, and none that would cover another.
+    /// their disparity, with a dot at the centroid, and a legend of the colours in pixels and, of calibrated cameras, in
+    /// metres.
     pub fn annotations(
         &mut self,
         codec: &Codec,
@@ -33,8 +34,8 @@ impl Views {
             colours,
             strip,
             of_curve,
-            longest,
             labels,
+            ..
         } = self;
         let found = matches.map_or(&[][..], |(matches, _)| matches.matches);
         assign(curves, found, codec.named(header.view as usize), of_curve);
@@ -63,19 +64,74 @@ impl Views {
         let (least, most) = span.ends();
         for share in [1.0, 0.75, 0.5, 0.25, 0.0] {
             let disparity = least + share * (most - least);
-            let text = format_args!("{disparity:.1} px");
-            labels.tell(&mut sheet, text, colour_at(share));
+            let camera = codec.rig().calibration.filter(|camera| camera.calibrated);
+            match camera.map(|camera| camera.depth_m(disparity.into())) {
+                Some(depth) if depth > 0.0 => {
+                    let text = format_args!(
+                        "{disparity:.1} px, {depth:.prec$} m",
+                        prec = decimals(depth)
+                    );
+                    labels.tell(&mut sheet, text, colour_at(share));
+                }
+                _ => labels.tell(
+                    &mut sheet,
+                    format_args!("{disparity:.1} px"),
+                    colour_at(share),
+                ),
+            }
         }
-        // Numbers and scores have seven letters at least: shorter curves need not be asked.
-        let least = labels.width_of("0 0.000".len());
+        sheet.finish();
+    }
+
+    /// Appends what can be said of a view's matched curves over its image, a `foxglove.ImageAnnotations`: the number of
+    /// the match's curve in the reference view, the same in all views, the match's score, and its disparity in pixels.
+    /// They stand beside the centroids of curves no shorter than their label, the longest first, at most
+    /// [`MOST_LABELS`], and none that would cover another.
+    pub fn labels(
+        &mut self,
+        codec: &Codec,
+        header: &Header,
+        curves: CurvesView<'_>,
+        (matches, span): (MatchesView<'_>, Span),
+        out: &mut Vec<u8>,
+    ) {
+        let Self {
+            colours,
+            of_curve,
+            longest,
+            labels,
+            ..
+        } = self;
+        let found = matches.matches;
+        assign(curves, found, codec.named(header.view as usize), of_curve);
+        let match_of = |curve: usize| {
+            let found = found.get(*of_curve.get(curve)? as usize)?;
+            found.disparity.is_finite().then_some(found)
+        };
+        let mut sheet = Sheet::new(header.capture_nanos, out);
+        labels.begin(header.size());
+        // Number, score and disparity have eleven letters at least: shorter curves need not be asked.
+        let least = labels.width_of("0 0.000 0.0".len());
         let own = codec.named(codec.reference).unwrap_or_default();
-        let is_matched = |curve: usize| match_of(of_curve[curve]).is_some();
-        longest_first(curves.curves, least, is_matched, longest);
+        longest_first(
+            curves.curves,
+            least,
+            |curve| match_of(curve).is_some(),
+            longest,
+        );
+        let mut left = MOST_LABELS;
         for &label in longest.iter() {
-            if let Some((found, colour)) = match_of(of_curve[label as usize]) {
-                let text = format_args!("{} {:.3}", found.curves[own], found.score);
+            if left == 0 {
+                break;
+            }
+            if let Some(found) = match_of(label as usize) {
+                let Match {
+                    score, disparity, ..
+                } = *found;
+                let text = format_args!("{} {score:.3} {disparity:.1}", found.curves[own]);
                 let curve = &curves.curves[label as usize];
-                labels.name(&mut sheet, curve, 1.0, text, colour);
+                let colour = opaque(colours.of(span.share(disparity)));
+                left -= usize::from(labels.name(&mut sheet, curve, 1.0, text, colour));
             }
         }
         sheet.finish();
@@ -172,6 +228,11 @@ fn longest_first(
     );
     let length = |&curve: &u32| curves[curve as usize].length;
     longest.sort_unstable_by(|a, b| length(b).total_cmp(&length(a)).then(a.cmp(b)));
+}
+
+/// Decimals that a depth in metres is shown with: three digits that say something.
+fn decimals(depth_m: f64) -> usize {
+    (2 - depth_m.log10().floor() as i32).clamp(0, 3) as usize
 }
 
 fn words_of(why: u32) -> &'static str {

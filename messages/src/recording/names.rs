@@ -19,11 +19,12 @@ const SINGLE: [&str; 12] = [
 ];
 
 /// What a view's camera says.
-const OF_CAMERA: [&str; 5] = [
+const OF_CAMERA: [&str; 6] = [
     "image",
     "image_raw",
     "calibration",
     "annotations",
+    "labels",
     "rejected",
 ];
 

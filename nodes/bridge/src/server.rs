@@ -15,8 +15,7 @@ use foxglove::websocket::{
     PlaybackState, PlaybackStatus, ServerListener, SetParametersResponder,
 };
 use foxglove::{
-    ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel, WebSocketServer,
-    WebSocketServerHandle,
+    ChannelBuilder, Context, PartialMetadata, RawChannel, WebSocketServer, WebSocketServerHandle,
 };
 use serde_json::{Value, json};
 

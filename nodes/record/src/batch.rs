@@ -133,7 +133,9 @@ pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
     let is_drawn = settings.keep == Keep::All;
     let is_pictured = settings.views && settings.keep != Keep::Proof;
     let is_shown = |kind: &Kind| match kind {
-        Kind::Curves | Kind::Matches => is_drawn && (settings.views || settings.rejected),
+        Kind::Curves | Kind::Matches => {
+            is_drawn && (settings.views || settings.labels || settings.rejected)
+        }
         Kind::Disparity | Kind::Points => is_pictured,
         _ => false,
     };
@@ -159,6 +161,7 @@ pub fn encoder(
     let codec = Codec::new(rig.clone(), reference);
     let shown = Shown {
         views: settings.views,
+        labels: settings.labels,
         rejected: settings.rejected,
         cameras,
         digests: settings.keep == Keep::Proof,

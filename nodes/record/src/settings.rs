@@ -48,7 +48,9 @@ impl Keep {
             (_, Content::Data(topic)) => self.keeps_kind(topic.kind),
             (_, Content::Digests) => self == Self::Proof,
             // Without an image there is nothing that curves could be drawn over.
-            (_, Content::Annotations(_) | Content::Rejected(_)) => self == Self::All,
+            (_, Content::Annotations(_) | Content::Labels(_) | Content::Rejected(_)) => {
+                self == Self::All
+            }
             (_, Content::Picture) => self != Self::Proof,
             (
                 _,
@@ -95,6 +97,9 @@ messages::settings! {
         pub chunk_bytes: u64 = 1_048_576, in 65_536..=1_073_741_824;
         /// Whether views for people are recorded too: curves over each image, the disparity picture in colours.
         pub views: bool = true;
+        /// Whether what can be said of matched curves is recorded over each image too, as `camera/VIEW/labels`: number,
+        /// score and disparity of the longest ones. Viewers of a running graph see them in any case.
+        pub labels: bool = false;
         /// Whether curves that were not matched are recorded over each image too, by reason and with it in words, as
         /// `camera/VIEW/rejected`. Viewers of a running graph see them in any case.
         pub rejected: bool = false;
