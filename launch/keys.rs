@@ -10,6 +10,8 @@ use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcsetattr
 pub(crate) enum Key {
     /// Play otherwise.
     Play(Play),
+    /// Back by one scan; who computes cannot.
+    Back,
     /// Come to an end.
     End,
 }
@@ -70,6 +72,7 @@ impl KeyReader {
             (true, b'A') => Some(Key::Play(Play::Faster)),
             (true, b'B') => Some(Key::Play(Play::Slower)),
             (true, b'C') => Some(Key::Play(Play::Step)),
+            (true, b'D') => Some(Key::Back),
             (false, b' ') => Some(Key::Play(Play::Pause)),
             (false, b'q' | b'Q') => Some(Key::End),
             _ => None,
@@ -90,6 +93,6 @@ mod tests {
             .collect();
         let play = [Play::Pause, Play::Faster, Play::Slower, Play::Step].map(Key::Play);
         assert_eq!(keys[..4], play);
-        assert_eq!(keys[4..], [Key::End]);
+        assert_eq!(keys[4..], [Key::Back, Key::End]);
     }
 }

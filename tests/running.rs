@@ -3,16 +3,11 @@
 
 mod harness;
 
-use std::fs::File;
-use std::io::{Read as _, Write as _};
-use std::os::unix::process::CommandExt as _;
-use std::process::{Child, Stdio};
-use std::sync::{Arc, Mutex};
+use std::io::Write as _;
+use std::process::Child;
 
+use harness::terminal::AtTerminal;
 use harness::{Ran, World, signal, wait_until};
-use rustix::fs::{Mode, OFlags};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 use serde_json::Value;
 
 /// Starts a graph that runs until it is told to stop, and waits until it does.
@@ -35,7 +30,7 @@ fn topics_are_listed_measured_and_printed_while_the_graph_runs() {
     let graph = graph(&world);
     let list = world.run(&["topic", "list", "--json"]).done().json();
     let topics = list.as_array().unwrap();
-    assert_eq!(topics.len(), 35, "{list}");
+    assert_eq!(topics.len(), 38, "{list}");
     let points = topics.iter().find(|t| t["topic"] == "points").unwrap();
     assert_eq!(points["maker"], "match");
     assert_eq!(points["schema"], "foxglove.PointCloud");
@@ -306,75 +301,12 @@ fn of_two_graphs_top_shows_both_and_every_command_takes_the_one_that_is_named() 
     }
 }
 
-/// `top` at a terminal of its own.
-struct AtTerminal {
-    top: Child,
-    keys: File,
-    terminal: File,
-    seen: Arc<Mutex<Vec<u8>>>,
-}
-
-impl AtTerminal {
-    fn start(world: &World) -> Self {
-        let keys = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
-        grantpt(&keys).unwrap();
-        unlockpt(&keys).unwrap();
-        let name = ptsname(&keys, Vec::new()).unwrap();
-        let flags = OFlags::RDWR | OFlags::NOCTTY;
-        let terminal = rustix::fs::open(name.as_c_str(), flags, Mode::empty()).unwrap();
-        let terminal = File::from(terminal);
-        let size = Winsize {
-            ws_row: 24,
-            ws_col: 100,
-            ws_xpixel: 0,
-            ws_ypixel: 0,
-        };
-        tcsetwinsize(&terminal, size).unwrap();
-        let keys = File::from(keys);
-        let seen = Arc::new(Mutex::new(Vec::new()));
-        let (mut screen, written) = (keys.try_clone().unwrap(), Arc::clone(&seen));
-        std::thread::spawn(move || {
-            let mut bytes = [0; 4096];
-            while let Ok(len @ 1..) = screen.read(&mut bytes) {
-                written.lock().unwrap().extend_from_slice(&bytes[..len]);
-            }
-        });
-        let stdio = || Stdio::from(terminal.try_clone().unwrap());
-        let mut top = world.tricurve(&["top", "--every", "0.2"]);
-        top.stdin(stdio()).stdout(stdio()).stderr(stdio());
-        Self {
-            top: top.process_group(0).spawn().unwrap(),
-            keys,
-            terminal,
-            seen,
-        }
-    }
-
-    fn has_shown(&self, text: &str) -> bool {
-        String::from_utf8_lossy(&self.seen.lock().unwrap()).contains(text)
-    }
-
-    fn takes_keys_raw(&self) -> bool {
-        let modes = tcgetattr(&self.terminal).unwrap().local_modes;
-        !modes.contains(LocalModes::ICANON)
-    }
-
-    /// Waits until it has ended and given the terminal back.
-    #[track_caller]
-    fn ends_well(mut self) {
-        assert_eq!(self.top.wait().unwrap().code(), Some(0));
-        assert!(!self.takes_keys_raw());
-        wait_until("the screen is as it was", || self.has_shown("\x1b[?1049l"));
-        wait_until("the cursor is there again", || self.has_shown("\x1b[?25h"));
-    }
-}
-
 #[test]
 fn top_gives_the_terminal_back_whatever_ends_it() {
     let world = World::new();
     let graph = graph(&world);
     let start = || {
-        let top = AtTerminal::start(&world);
+        let top = AtTerminal::start(&world, &["top", "--every", "0.2"]);
         wait_until("the graph is shown", || top.has_shown("triples/s"));
         assert!(top.takes_keys_raw());
         top
@@ -385,7 +317,7 @@ fn top_gives_the_terminal_back_whatever_ends_it() {
         top.ends_well();
     }
     let top = start();
-    signal(top.top.id(), "TERM");
+    signal(top.program.id(), "TERM");
     top.ends_well();
     // A node is restarted by key, when that is confirmed.
     let mut top = start();

@@ -3,9 +3,10 @@
 
 mod harness;
 
-use std::io::{BufRead as _, BufReader};
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::{TcpListener, TcpStream};
 
+use harness::terminal::AtTerminal;
 use harness::{Ran, World, signal, wait_until};
 
 #[test]
@@ -129,4 +130,28 @@ fn a_run_goes_on_without_its_bridge_and_comes_back_with_one() {
     signal(graph.id(), "INT");
     let ran = Ran::new(graph.wait_with_output().unwrap()).done();
     assert_eq!(ran.json()["balanced"], true, "{ran:?}");
+}
+
+#[test]
+fn keys_play_a_recording_that_is_viewed_and_say_what_it_does() {
+    let world = World::recorded("4");
+    let mut view = AtTerminal::start(&world, &["view", "x.mcap", "--port", "0"]);
+    wait_until("it waits for a viewer", || {
+        view.has_shown("begins to play when a viewer subscribes")
+    });
+    assert!(view.takes_keys_raw());
+    for (keys, said) in [
+        (" ", "paused: scan 1 of 4, 0.0 of "),
+        ("\x1b[C", "paused: scan 2 of 4, "),
+        ("\x1b[C", "paused: scan 3 of 4, "),
+        ("\x1b[D", "paused: scan 2 of 4, "),
+        ("\x1b[A", "s, rate 2"),
+        ("\x1b[B\x1b[B", "s, rate 0.5"),
+        (" ", "playing: scan 2 of 4, "),
+    ] {
+        view.keys.write_all(keys.as_bytes()).unwrap();
+        wait_until(said, || view.has_shown(said));
+    }
+    view.keys.write_all(b"q").unwrap();
+    view.ends();
 }

@@ -375,6 +375,7 @@ def played(folder):
     every_topic_at_the_end(viewer)
     viewer.close()
     process.end()
+    late(folder)
     replay = Process('replay', 'play.mcap', '--view', '--set', 'bridge.port=0', '--rate', '1', '--loop', cwd=folder)
     viewer = greeted(replay)
     expect('playbackControl' in viewer.info['capabilities'], 'no playback control of a replay')
@@ -402,6 +403,32 @@ def played(folder):
     viewer.close()
     replay.end()
     print('replayed: paused, sought in, and played on at another rate')
+
+
+def late(folder):
+    """Who subscribes two seconds after the start sees all, and pages of strangers see nothing."""
+    process = Process('view', 'play.mcap', '--port', '0', '--origin', 'https://viewer.example', cwd=folder)
+    viewer = greeted(process)
+    time.sleep(2)
+    viewer.subscribe(['statistics'])
+    viewer.until(lambda: viewer.playback and viewer.playback[0] == 3, 'the end')
+    while viewer.hear(0.3):
+        pass
+    numbers = [m['scan'] for _, m in viewer.decoded('statistics')]
+    expect(sorted(set(numbers)) == list(range(24)), f'who comes late has seen {numbers}')
+    viewer.close()
+    for origin, status in (('https://viewer.example', 101), ('http://localhost:8080', 101),
+                           ('https://app.foxglove.dev', 101), ('https://evil.example', 403), ('null', 403)):
+        try:
+            opened(process.address(), [PROTOCOL], max_size=None, additional_headers={'Origin': origin}).close()
+            seen = 101
+        except WebSocketException as refused:
+            seen = refused.response.status_code
+        expect(seen == status, f'{origin} got {seen}')
+    process.end()
+    expect(any('https://evil.example wanted to look' in line for line in process.said),
+           f'nothing was said of strangers: {process.said}')
+    print('late: all 24 scans; pages of strangers are refused')
 
 
 def every_topic_at_the_end(viewer):

@@ -8,13 +8,16 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use bridge::{Live, LiveError, Player, Settings, Viewing};
+use bridge::{Live, LiveError, Player, Press, Settings, Viewing};
+use crossbeam::channel::bounded;
+use messages::bus::Play;
 use messages::record::{Codec, Shown};
 use messages::recording::Recording;
 use messages::settings::Settings as _;
 
 use super::proof;
 use crate::cli::{Replay, View as Args};
+use crate::keys::{Key, Keys};
 use crate::layout::{self, Checked, Focus, There, Viewer, Wanted};
 use crate::node::give_way;
 use crate::running::Running;
@@ -46,6 +49,22 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     match &args.file {
         Some(file) => recording(args, file, &settings),
         None => running(args, &settings),
+    }
+}
+
+/// What the keys do, for the user.
+const HELP: &str =
+    "space: pause or play, \u{2190} \u{2192}: one scan, \u{2191} \u{2193}: rate, q: end";
+/// Keys that may wait.
+const MOST_KEYS: usize = 64;
+
+fn press_of(key: Key) -> Press {
+    match key {
+        Key::Play(Play::Step) => Press::Step,
+        Key::Back => Press::Back,
+        Key::Play(Play::Faster) => Press::Faster,
+        Key::Play(Play::Slower) => Press::Slower,
+        Key::Play(_) | Key::End => Press::Pause,
     }
 }
 
@@ -81,9 +100,23 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
         Player::start(recording, settings, args.start_paused, HOW).map_err(Failure::failed)?;
     let title = format!("{path}: {scans} scans, played as the viewer says; Ctrl-C ends");
     tell(args, &title, player.address(), (&codec, &seen), Some(file))?;
+    let (press, pressed) = bounded(MOST_KEYS);
+    let keys = Keys::listen(move |key| press.try_send(key).unwrap_or_default());
+    if keys.is_some() {
+        crate::say!("view: {HELP}");
+    }
+    if player.is_awaited() {
+        crate::say!("view: it begins to play when a viewer subscribes");
+    }
     while !end.load(Ordering::Relaxed) {
         player.turn().map_err(Failure::failed)?;
         say(&player.remarks());
+        for key in pressed.try_iter() {
+            match key {
+                Key::End => end.store(true, Ordering::Relaxed),
+                key => crate::say!("view: {}", player.press(press_of(key))),
+            }
+        }
     }
     say_missed(player.missed());
     Ok(Outcome::Done)

@@ -6,6 +6,8 @@
     reason = "each test file uses its part; tests may panic"
 )]
 
+pub(crate) mod terminal;
+
 use std::cell::RefCell;
 use std::fs;
 use std::ops::Range;

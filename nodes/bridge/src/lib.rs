@@ -23,6 +23,6 @@ mod viewers;
 
 #[cfg(feature = "node")]
 pub use live::{Live, LiveError, Viewing};
-pub use player::{Player, PlayerError};
+pub use player::{Player, PlayerError, Press};
 pub use server::ServeError;
 pub use settings::Settings;

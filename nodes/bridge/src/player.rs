@@ -26,10 +26,32 @@ pub enum PlayerError {
 /// How often viewers are told where it is, and it is looked whether to end.
 const TICK: Duration = Duration::from_millis(40);
 
+/// How long after the newest subscription the first play begins: viewers subscribe to topic after topic.
+const SETTLED: Duration = Duration::from_millis(300);
+
+/// What whoever serves it wants of how it plays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Press {
+    /// Stop, or go on; after the end from the beginning.
+    Pause,
+    /// Show the next scan, and stop there.
+    Step,
+    /// Show the one before, and stop there.
+    Back,
+    /// Play twice as fast.
+    Faster,
+    /// Play half as fast.
+    Slower,
+}
+
 /// A recording, shown to viewers, and where it is.
 pub struct Player {
     server: Server,
     clock: Instant,
+    /// Until somebody has subscribed time stands still, so that whoever comes late sees all.
+    is_awaited: bool,
+    /// When somebody subscribed last.
+    subscribed: Option<Instant>,
     film: Film,
 }
 
@@ -69,6 +91,8 @@ impl Player {
         Ok(Self {
             server: Server::start(settings, offer)?,
             clock: Instant::now(),
+            is_awaited: true,
+            subscribed: None,
             film,
         })
     }
@@ -99,12 +123,73 @@ impl Player {
             self.server.wishes().try_iter().for_each(drop);
         }
         self.server.greet();
-        // Whoever comes while nothing moves sees where it stands.
-        self.film.is_due |= self.server.has_new_subscriptions() && !self.film.was_playing;
         let now = Instant::now();
-        self.film.play(&mut self.server, now - self.clock)?;
+        let has_new = self.server.has_new_subscriptions();
+        if has_new && self.server.has_subscriptions() {
+            self.subscribed = Some(now);
+        }
+        let has_settled = self.subscribed.is_some_and(|since| now - since >= SETTLED);
+        self.is_awaited &= !has_settled && !self.server.playback().is_asked;
+        // Whoever comes while nothing moves sees where it stands.
+        self.film.is_due |= has_new && !self.film.was_playing;
+        self.film
+            .play(&mut self.server, now - self.clock, self.is_awaited)?;
         self.clock = now;
         Ok(())
+    }
+
+    /// Plays otherwise, and tells viewers so. Gives what it does now, in words.
+    pub fn press(&mut self, press: Press) -> String {
+        self.is_awaited = false;
+        let is_sought = {
+            let mut playback = self.server.playback();
+            let sought = match press {
+                Press::Pause => {
+                    playback.is_playing = !playback.is_playing;
+                    (playback.is_playing && playback.has_ended).then_some(0)
+                }
+                Press::Step => Some((self.film.shown + 1).min(self.film.scans.len() - 1)),
+                Press::Back => Some(self.film.shown.saturating_sub(1)),
+                Press::Faster | Press::Slower => {
+                    let factor = if press == Press::Faster { 2.0 } else { 0.5 };
+                    playback.speed = (playback.speed * factor).clamp(0.001, 1000.0);
+                    None
+                }
+            };
+            if let Some(scan) = sought {
+                playback.is_playing &= press == Press::Pause;
+                playback.nanos = self.film.scans[scan].1;
+                playback.seek = Some(playback.nanos);
+                playback.has_ended = false;
+            }
+            sought.is_some()
+        };
+        self.server.tell_playback(is_sought);
+        self.state()
+    }
+
+    /// What it does, in words: whether it plays, where it is, and how fast.
+    pub fn state(&self) -> String {
+        let playback = self.server.playback();
+        let at = self.film.scan_at(playback.nanos);
+        let does = match (playback.is_playing, playback.has_ended) {
+            (_, true) => "at its end",
+            (true, _) => "playing",
+            (false, _) => "paused",
+        };
+        format!(
+            "{does}: scan {} of {}, {:.1} of {:.1} s, rate {}",
+            at + 1,
+            self.film.scans.len(),
+            playback.nanos.saturating_sub(self.film.first()) as f64 / 1e9,
+            (self.film.last() - self.film.first()) as f64 / 1e9,
+            playback.speed
+        )
+    }
+
+    /// Whether it waits for somebody to subscribe before it begins.
+    pub fn is_awaited(&self) -> bool {
+        self.is_awaited && self.server.playback().is_playing
     }
 }
 
@@ -190,8 +275,13 @@ impl Film {
         }
     }
 
-    /// Lets so much time pass, and shows what then is to be seen.
-    fn play(&mut self, server: &mut Server, elapsed: Duration) -> Result<(), PlayerError> {
+    /// Lets so much time pass, unless viewers are waited for, and shows what then is to be seen.
+    fn play(
+        &mut self,
+        server: &mut Server,
+        elapsed: Duration,
+        is_awaited: bool,
+    ) -> Result<(), PlayerError> {
         let last = self.last();
         let is_sought = server.playback().seek.is_some();
         // What was sought last is to be seen first, while that is on its way others may be sought.
@@ -202,17 +292,18 @@ impl Film {
             let mut playback = server.playback();
             let seek = playback.seek.take();
             playback.is_asked = false;
+            let is_playing = playback.is_playing && !is_awaited;
             if let Some(nanos) = seek {
                 playback.nanos = nanos.clamp(self.first(), last);
-            } else if playback.is_playing && playback.has_ended {
+            } else if is_playing && playback.has_ended {
                 // Played again after its end: from the beginning.
                 playback.nanos = self.first();
                 playback.has_ended = false;
-            } else if playback.is_playing && self.was_playing {
+            } else if is_playing && self.was_playing {
                 let passed = elapsed.as_secs_f64() * f64::from(playback.speed) * 1e9;
                 playback.nanos = playback.nanos.saturating_add(passed as u64).min(last);
             }
-            (playback.nanos, seek.is_some(), playback.is_playing)
+            (playback.nanos, seek.is_some(), is_playing)
         };
         self.was_playing = is_playing;
         let scan = self.scan_at(target);

@@ -315,6 +315,11 @@ impl Server {
         self.channels[channel].has_sinks()
     }
 
+    /// Whether somebody is subscribed to anything.
+    pub(crate) fn has_subscriptions(&self) -> bool {
+        self.channels.iter().any(|channel| channel.has_sinks())
+    }
+
     /// Whether a viewer has taken all that was sent, or there is none.
     pub(crate) fn has_room(&self) -> bool {
         let unsent = self.unsent();
