@@ -1,131 +1,92 @@
-//! tricurve: depth from one camera moved along a rail, or three in a row, by matching curves.
+//! tricurve: depth on the edges of a scene, from three or more views at equal steps.
+//!
+//! [`Pipeline`] is the whole chain in one process: images in, points out.
 //!
 //! ```text
-//! tricurve run ─► graph file ─► plan ─► supervisor ─► one process a node (this executable, run again)
+//! images ─► filter (∇²G, zero-crossings) ─► track (curves) ─► hough (tables) ─► match (three views and more) ─► points
 //! ```
 //!
-//! The launcher is glue: what a node computes is in its crate under `nodes/`, what nodes say to each other in
-//! `messages/`. This folder reads the graph file, starts, watches and ends the processes, and shows what they did.
+//! With the feature `program`, which is on by default, this crate is the program `tricurve` as well: it runs the same
+//! stages as processes that exchange frames in shared memory, records them, plays them back and shows them. A library user
+//! turns it off and pulls neither bus nor recordings nor a command line:
+//!
+//! ```toml
+//! tricurve = { path = "…", default-features = false }
+//! ```
+
+mod pipeline;
+
+pub use messages::{Calibration, MatchPoint, MatchesView, Point, Rig, Size};
+pub use pipeline::{Found, Pipeline, PipelineError, Settings};
+
+/// The settings of each stage.
+pub mod settings {
+    pub use filter::Settings as Filter;
+    pub use hough::Settings as Hough;
+    pub use matching::Settings as Matching;
+    pub use track::Settings as Track;
+}
 
 /// Says a line to the user on standard error. A terminal that is gone is no reason to fail: the run still has to end in
 /// good order.
+#[cfg(feature = "program")]
 macro_rules! say {
     ($($line:tt)*) => {{
         use std::io::Write as _;
         writeln!(std::io::stderr().lock(), $($line)*).unwrap_or_default();
     }};
 }
+#[cfg(feature = "program")]
 pub(crate) use say;
 
+#[cfg(feature = "program")]
 mod asks;
+#[cfg(feature = "program")]
 mod cli;
+#[cfg(feature = "program")]
 mod commands;
+#[cfg(feature = "program")]
 mod graph;
+#[cfg(feature = "program")]
 mod keys;
+#[cfg(feature = "program")]
 mod launcher;
+#[cfg(feature = "program")]
 mod layout;
+#[cfg(feature = "program")]
 mod look;
+#[cfg(feature = "program")]
 mod node;
+#[cfg(feature = "program")]
 mod offline;
+#[cfg(feature = "program")]
 mod open_files;
+#[cfg(feature = "program")]
 mod parameters;
+#[cfg(feature = "program")]
 mod profile;
+#[cfg(feature = "program")]
+mod program;
+#[cfg(feature = "program")]
 mod progress;
+#[cfg(feature = "program")]
 mod registry;
+#[cfg(feature = "program")]
 mod rundir;
+#[cfg(feature = "program")]
 mod running;
+#[cfg(feature = "program")]
 mod said;
+#[cfg(feature = "program")]
 mod shared_memory;
+#[cfg(feature = "program")]
 mod signals;
+#[cfg(feature = "program")]
 mod snapshot;
+#[cfg(feature = "program")]
 mod supervisor;
 
-use std::process::ExitCode;
-
-use clap::Parser as _;
-
-/// How a command ended; the one table of exit codes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-enum Outcome {
-    /// Everything was done.
-    Done,
-    /// It failed.
-    Failed,
-    /// The command line or the graph file is wrong.
-    Usage,
-    /// It finished, but data was lost.
-    Lost,
-    /// A node could not be part of the bus: what its launcher alone is told. Another process may fare better.
-    OffBus,
-    /// It was aborted by a second signal.
-    Aborted,
-}
-
-impl Outcome {
-    fn code(self) -> u8 {
-        match self {
-            Self::Done => 0,
-            Self::Failed => 1,
-            Self::Usage => 2,
-            Self::Lost => 3,
-            Self::OffBus => 4,
-            Self::Aborted => 130,
-        }
-    }
-}
-
-/// A failure in one sentence, and how the process ends for it.
-#[derive(Debug)]
-struct Failure {
-    outcome: Outcome,
-    text: String,
-}
-
-impl Failure {
-    fn failed(text: impl ToString) -> Self {
-        Self {
-            outcome: Outcome::Failed,
-            text: text.to_string(),
-        }
-    }
-
-    fn usage(text: impl ToString) -> Self {
-        Self {
-            outcome: Outcome::Usage,
-            text: text.to_string(),
-        }
-    }
-}
-
-/// Is the program: reads its command line and does what it says.
-pub fn main() -> ExitCode {
-    let outcome = match cli::Cli::try_parse() {
-        Ok(cli) => commands::run(cli).unwrap_or_else(|failure| {
-            crate::say!("tricurve: {}", failure.text);
-            failure.outcome
-        }),
-        Err(error) => {
-            let outcome = if error.use_stderr() {
-                Outcome::Usage
-            } else {
-                Outcome::Done
-            };
-            match error.print() {
-                Ok(()) => outcome,
-                Err(_) => Outcome::Failed,
-            }
-        }
-    };
-    ExitCode::from(outcome.code())
-}
-
-/// Reads a graph file's text and prints the graph it gives, as a graph file with every key; for the fuzzer.
-///
-/// # Errors
-/// When it is no graph file: in a sentence.
-pub fn whole_graph(text: &str) -> Result<String, String> {
-    let overrides = graph::Overrides::default();
-    let graph = graph::Graph::parse(text, profile::Profile::Default, &overrides)?;
-    Ok(graph.to_toml())
-}
+#[cfg(feature = "program")]
+pub(crate) use program::{Failure, Outcome};
+#[cfg(feature = "program")]
+pub use program::{main, whole_graph};

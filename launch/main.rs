@@ -1,7 +1,7 @@
-//! The program `tricurve`; what it does is in [`launch`].
+//! The program `tricurve`; what it does is in [`tricurve`].
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    launch::main()
+    tricurve::main()
 }

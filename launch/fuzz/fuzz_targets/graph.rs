@@ -6,7 +6,7 @@
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {
-    if let Ok(whole) = launch::whole_graph(text) {
-        assert_eq!(launch::whole_graph(&whole).as_ref(), Ok(&whole));
+    if let Ok(whole) = tricurve::whole_graph(text) {
+        assert_eq!(tricurve::whole_graph(&whole).as_ref(), Ok(&whole));
     }
 });
