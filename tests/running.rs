@@ -3,7 +3,7 @@
 
 mod harness;
 
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 use std::process::Child;
 
 use harness::terminal::AtTerminal;

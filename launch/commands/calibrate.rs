@@ -11,6 +11,7 @@ use capture::calibrate::{
 };
 use capture::{Layout, Piece};
 use indicatif::{ProgressBar, ProgressStyle};
+use messages::words::counted;
 use serde_json::{Value, json};
 
 use crate::cli::Calibrate as Args;
@@ -161,10 +162,10 @@ fn summary(shots: &Shots) -> String {
     match shots.cameras.as_slice() {
         [_] => format!("1 camera, {images}"),
         cameras => format!(
-            "{} cameras{how} ({}), {images} at {} times",
+            "{} cameras{how} ({}), {images} at {}",
             cameras.len(),
             cameras.join(", "),
-            shots.shots.len()
+            counted(shots.shots.len(), "time")
         ),
     }
 }

@@ -14,6 +14,7 @@ use messages::bus::Play;
 use messages::record::{Codec, Shown};
 use messages::recording::Recording;
 use messages::settings::Settings as _;
+use messages::words::counted;
 
 use super::proof;
 use crate::cli::{Replay, View as Args};
@@ -98,7 +99,10 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
     let end = signals::flag(&signals::END)?;
     let mut player =
         Player::start(recording, settings, args.start_paused, HOW).map_err(Failure::failed)?;
-    let title = format!("{path}: {scans} scans, played as the viewer says; Ctrl-C ends");
+    let title = format!(
+        "{path}: {}, played as the viewer says; Ctrl-C ends",
+        counted(scans, "scan")
+    );
     tell(args, &title, player.address(), (&codec, &seen), Some(file))?;
     let (press, pressed) = bounded(MOST_KEYS);
     let keys = Keys::listen(move |key| press.try_send(key).unwrap_or_default());

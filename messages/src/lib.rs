@@ -33,6 +33,7 @@ pub mod rig;
 pub mod settings;
 pub mod synchronisation;
 pub mod topic;
+pub mod words;
 
 pub use calibration::Calibration;
 pub use contour::{Contour, ContourKind, ContourPoint};

@@ -8,6 +8,7 @@ use messages::Kind;
 use messages::bus::{NodeReport, Percentiles};
 use messages::ledger::Ledger;
 use messages::synchronisation::Synchronisation;
+use messages::words::counted;
 use serde::Serialize;
 
 use crate::Outcome;
@@ -135,8 +136,10 @@ impl fmt::Display for Summary {
         }
         writeln!(
             f,
-            "{} scans in {:.2} s: {:.1} triples/s\n",
-            self.scans, self.seconds, self.triples_per_second
+            "{} in {:.2} s: {:.1} triples/s\n",
+            counted(self.scans, "scan"),
+            self.seconds,
+            self.triples_per_second
         )?;
         writeln!(f, "{:<10} {:>9} {:>9}   a scan", "node", "p50 ms", "p99 ms")?;
         for node in &self.nodes {

@@ -154,7 +154,9 @@ fn graph_of(run: &Run, channels: &[Channel]) -> ConnectionGraph {
 fn needs(content: &Content, made: &[Kind]) -> Vec<Kind> {
     let mut kinds = match content {
         Content::Data(topic) => vec![topic.kind],
-        Content::Annotations(_) | Content::Labels(_) => vec![Kind::Curves, Kind::Matches, Kind::Points],
+        Content::Annotations(_) | Content::Labels(_) => {
+            vec![Kind::Curves, Kind::Matches, Kind::Points]
+        }
         Content::Rejected(_) => vec![Kind::Curves, Kind::Matches],
         Content::Picture => vec![Kind::Disparity, Kind::Points],
         Content::Statistics => made.to_vec(),

@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use messages::Size;
+use messages::words::counted;
 
 use crate::aside::{self, Aside};
 use crate::description::Description;
@@ -483,14 +484,6 @@ impl Album {
         self.is_colour = heads.iter().any(|head| head.is_colour);
         self.is_deep = heads.iter().any(|head| head.is_deep);
         Ok(self)
-    }
-}
-
-/// A number of things.
-fn counted(count: usize, what: &str) -> String {
-    match count {
-        1 => format!("1 {what}"),
-        count => format!("{count} {what}s"),
     }
 }
 

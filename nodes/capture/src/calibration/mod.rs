@@ -27,6 +27,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
 use messages::Size;
+use messages::words::counted;
 
 use crate::error::SourceError;
 use crate::settings::LensModel;
@@ -350,12 +351,4 @@ fn pinhole(
         ));
     }
     Ok([focal, centre])
-}
-
-/// `1 camera`, `2 cameras`.
-fn counted(count: usize, what: &str) -> String {
-    match count {
-        1 => format!("1 {what}"),
-        _ => format!("{count} {what}s"),
-    }
 }
