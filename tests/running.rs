@@ -30,7 +30,7 @@ fn topics_are_listed_measured_and_printed_while_the_graph_runs() {
     let graph = graph(&world);
     let list = world.run(&["topic", "list", "--json"]).done().json();
     let topics = list.as_array().unwrap();
-    assert_eq!(topics.len(), 38, "{list}");
+    assert_eq!(topics.len(), 35, "{list}");
     let points = topics.iter().find(|t| t["topic"] == "points").unwrap();
     assert_eq!(points["maker"], "match");
     assert_eq!(points["schema"], "foxglove.PointCloud");

@@ -52,7 +52,7 @@ impl Description {
             path: path.clone(),
             why,
         };
-        let text = match std::fs::read_to_string(&path) {
+        let text = match crate::folder::read_plain(&path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(error) if error.kind() == std::io::ErrorKind::InvalidData => {
                 return Err(wrong("it is not UTF-8 text".to_owned()));

@@ -206,6 +206,14 @@ pub(crate) struct Found {
     pub(crate) warnings: Vec<String>,
 }
 
+/// The text of a file that is looked for by its name: a pipe of that name has no end.
+pub(crate) fn read_plain(path: &Path) -> io::Result<String> {
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("it is no plain file"));
+    }
+    fs::read_to_string(path)
+}
+
 /// Whether a folder's own files say which of them are views: a `scene.json`, or a layout of Middlebury's.
 pub(crate) fn is_described(folder: &Path) -> Result<bool, SourceError> {
     Ok(Description::is_in(folder) || middlebury::layout(folder)?.is_some())

@@ -553,7 +553,9 @@ pub(crate) fn one_camera(name: &str) -> Option<String> {
         "cam", "camera", "kamera", "caméra", "camara", "sensor", "eye", "device", "image",
     ];
     let fields = fields(name);
-    let is_side = |field: &Field| side(&field.text, ["", "", ""]).is_some();
+    // Words of two letters may be anything.
+    let is_side =
+        |field: &Field| field.text.chars().count() > 2 && side(&field.text, ["", "", ""]).is_some();
     let device = |pair: &[Field]| {
         let is_device = DEVICES.contains(&pair[0].text.as_str()) && pair[1].is_number;
         is_device.then(|| format!("{}{}", pair[0].text, pair[1].text))
@@ -585,7 +587,17 @@ pub(crate) fn only_camera(folder: &str, stems: &[String]) -> Option<String> {
         false => first[at].text.as_str(),
     };
     let common: Vec<&str> = (0..first.len()).map(text).collect();
-    one_camera(&common.join("_")).or_else(|| one_camera(folder))
+    // Folders are called anything: only one that is called after nothing else is a camera's.
+    let is_of_camera = |field: &Field| {
+        let word = field.text.as_str();
+        field.is_number
+            || [&CAMERAS[..], &COMPANIONS, &PICTURES]
+                .iter()
+                .any(|words| words.contains(&word))
+            || side(word, ["", "", ""]).is_some()
+    };
+    let is_plain = self::fields(folder).iter().all(is_of_camera);
+    one_camera(&common.join("_")).or_else(|| one_camera(folder).filter(|_| is_plain))
 }
 
 /// The same, of names among which nothing else says where they stand.
@@ -735,6 +747,11 @@ mod tests {
             ("left", ["left", "centre", "right"], None),
             ("scene_1", ["im0", "im1", "im2"], None),
             ("bright", numbers, None),
+            (".tmpBhbjDx", numbers, None),
+            ("dx", numbers, None),
+            ("turn_left_test", numbers, None),
+            ("left_camera", numbers, Some("left")),
+            ("2024_cam1", numbers, Some("cam1")),
         ];
         for (folder, names, expected) in cases {
             assert_eq!(of(folder, names).as_deref(), expected, "{folder} {names:?}");

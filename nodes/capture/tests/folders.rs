@@ -875,3 +875,23 @@ mod middlebury {
         assert!(told.contains("2") && told.contains("three"), "{told}");
     }
 }
+
+#[test]
+fn a_pipe_called_like_a_description_is_refused_and_not_waited_for() {
+    for name in ["scene.json", "metadata.yaml"] {
+        let folder = Folder::of_views(3);
+        let pipe = folder.file(name);
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.unwrap().success());
+        match (name, folder.open()) {
+            ("scene.json", opened) => {
+                let why = opened.err().unwrap().to_string();
+                assert!(
+                    why.contains("scene.json") && why.contains("no plain file"),
+                    "{why}"
+                );
+            }
+            (_, opened) => assert_eq!(opened.unwrap().scans(), 1),
+        }
+    }
+}

@@ -16,6 +16,7 @@ use super::mcap::Mcap;
 use super::sqlite::{self, Sqlite};
 use super::wire::Why;
 use crate::folder;
+use crate::folder::read_plain;
 use crate::names;
 
 /// Bytes of a message that are looked at where its beginning says enough: a header, a name or two, some numbers.
@@ -204,7 +205,7 @@ fn packed_twin(path: &Path) -> Option<PathBuf> {
 
 /// Whether rosbag2 says that a folder is a bag.
 pub(super) fn is_recorded(folder: &Path) -> bool {
-    let text = fs::read_to_string(folder.join(METADATA));
+    let text = read_plain(&folder.join(METADATA));
     text.is_ok_and(|text| text.contains("rosbag2_bagfile_information"))
 }
 
@@ -235,7 +236,7 @@ impl Files {
         }
         let (mut damages, mut told) = (Vec::new(), None);
         let metadata = path.join(METADATA);
-        let named = match fs::read_to_string(&metadata) {
+        let named = match read_plain(&metadata) {
             Ok(text) => match serde_saphyr::from_str::<Metadata>(&text) {
                 Ok(read) => {
                     let read = read.rosbag2_bagfile_information;
