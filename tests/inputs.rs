@@ -138,3 +138,36 @@ fn views_that_are_given_where_a_graph_file_belongs_are_told_from_one() {
         ran.err
     );
 }
+
+#[test]
+fn of_a_pattern_that_repeats_nothing_is_reported_and_that_is_why() {
+    let world = World::new();
+    let folder = world.path("grating");
+    fs::create_dir_all(&folder).unwrap();
+    for view in 0..3u32 {
+        let mut image = b"P5\n320 120\n255\n".to_vec();
+        // Bars of 8 px, each view 5 px further to the left.
+        image.extend((0..320 * 120).map(|at| {
+            let column = at % 320 + 5 * view;
+            if column / 8 % 2 == 0 { 60 } else { 180 }
+        }));
+        fs::write(folder.join(format!("{view}.pgm")), image).unwrap();
+    }
+    let source = folder.to_string_lossy();
+    let run = [
+        "run",
+        "--source",
+        &source,
+        "--scans",
+        "2",
+        "--no-record",
+        "--force-unrectified",
+    ];
+    let ran = world.run(&run).done();
+    assert!(
+        ran.out.contains("as where a pattern repeats itself")
+            && ran.out.contains("ambiguous curves"),
+        "{ran:?}"
+    );
+    assert!(!ran.out.contains("next to nothing matched"), "{ran:?}");
+}

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use matching::node::AMBIGUOUS;
 use messages::Kind;
 use messages::bus::{NodeReport, Percentiles};
 use messages::ledger::Ledger;
@@ -117,6 +118,11 @@ fn doubts(reports: &[NodeReport]) -> impl Iterator<Item = String> {
             Some("no curve was found: the images are blank, or track.high and track.low too great")
         }
         // A match is a curve in each view; of a rail's frame in three.
+        // What the matcher knows by itself comes first.
+        _ if a_scan("match", AMBIGUOUS).is_some() => Some(
+            "most curves have several partners that are alike, as where a pattern repeats itself: of these nothing is \
+             reported; views less than a period apart would tell",
+        ),
         (Some(curves), Some(matches)) if views.max(3) as f64 * matches < LEAST_MATCHED * curves => {
             Some(
                 "next to nothing matched: are the views chosen from left to right, rectified so that rows agree, and nearer \
@@ -261,6 +267,17 @@ mod tests {
         };
         assert_eq!(doubts_with(70), Vec::<String>::new());
         assert!(doubts_with(1)[0].starts_with("next to nothing matched"));
+    }
+
+    #[test]
+    fn patterns_that_repeat_are_told_from_views_that_do_not_fit() {
+        let track = report("track", 10, "curves", 300);
+        let matcher = report("match", 10, AMBIGUOUS, 90);
+        let said: Vec<String> = doubts(&[track, matcher]).collect();
+        assert!(
+            said.len() == 1 && said[0].contains("repeats itself"),
+            "{said:?}"
+        );
     }
 
     #[test]

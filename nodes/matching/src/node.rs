@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use messages::bus::{Bus, BusError, Filled, Joined, Level, Outputs, Start};
 use messages::{
-    Contrast, Curves, Disparity, Header, Kind, Matches, NONE, Points, Rail, Rig, Tables,
+    Contrast, Curves, Disparity, Header, Kind, Matches, MatchesRoom, NONE, Points, Rail, Reason,
+    Rig, Tables,
 };
 
 use crate::rail::{self, Frames, NoTriple, Turn};
@@ -50,6 +51,10 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
         ("matches".to_owned(), count.matches),
         ("points".to_owned(), count.points),
     ];
+    // Where a pattern repeats itself it is most of them; elsewhere it is none of anybody's business.
+    if 2 * count.ambiguous > count.curves {
+        counts.push((AMBIGUOUS.to_owned(), count.ambiguous));
+    }
     let without = count.without.iter();
     counts.extend(without.map(|(why, count)| (format!("frames without a triple: {why}"), *count)));
     let counts: Vec<(&str, u64)> = counts
@@ -60,10 +65,17 @@ pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusE
     Ok(())
 }
 
+/// What the count of curves is called that have several partners which are alike, where these are most of them.
+pub const AMBIGUOUS: &str = "ambiguous curves";
+
 #[derive(Debug, Default)]
 struct Count {
     matches: u64,
     points: u64,
+    /// Curves of the reference view, …
+    curves: u64,
+    /// … and those of them that have several partners which are alike.
+    ambiguous: u64,
     /// Frames on a rail that have no triple.
     without: BTreeMap<NoTriple, u64>,
     /// The first scan that is not counted yet: one that is sent again counts once.
@@ -71,12 +83,28 @@ struct Count {
 }
 
 impl Count {
-    fn add(&mut self, sequence: u64, matches: u64, points: u64, without: Option<NoTriple>) {
+    fn add(
+        &mut self,
+        sequence: u64,
+        rooms: &[MatchesRoom<'_>],
+        points: u64,
+        without: Option<NoTriple>,
+    ) {
         if sequence < self.next {
             return;
         }
         self.next = sequence + 1;
-        self.matches += matches;
+        for room in rooms {
+            let alike = room.rejected.iter().filter(|curve| {
+                matches!(
+                    Reason::of(curve.reason),
+                    Some(Reason::Ambiguous | Reason::NotUnique)
+                )
+            });
+            self.matches += room.matches.len() as u64;
+            self.curves += (room.matches.len() + room.rejected.len()) as u64;
+            self.ambiguous += alike.count() as u64;
+        }
         self.points += points;
         if let Some(why) = without {
             *self.without.entry(why).or_default() += 1;
@@ -217,12 +245,11 @@ fn match_views(
             }
             Found::Nothing(_) => disparity.disparity.grow(size.pixels()).fill(f32::NAN),
         }
-        let matched = rooms.iter().map(|room| room.matches.len() as u64).sum();
         let without = match found {
             Found::Nothing(why) => Some(why),
             _ => None,
         };
-        count.add(cause.sequence, matched, points.points.len() as u64, without);
+        count.add(cause.sequence, &rooms, points.points.len() as u64, without);
         let filled: Vec<Filled> = rooms.iter().map(Filled::of::<Matches>).collect();
         (
             filled,
