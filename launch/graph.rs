@@ -469,7 +469,7 @@ pub(crate) fn parsed(value: &str) -> Value {
     let parsed = parsed
         .and_then(|mut table| table.remove("v"))
         // JSON has neither: they would be taken for nothing said.
-        .filter(|parsed| !parsed.as_float().is_some_and(|number| !number.is_finite()))
+        .filter(|parsed| parsed.as_float().is_none_or(f64::is_finite))
         .filter(|_| !value.contains('\n'));
     let parsed = parsed.and_then(|value| serde_json::to_value(value).ok());
     parsed.unwrap_or_else(|| value.into())

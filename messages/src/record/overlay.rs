@@ -86,7 +86,7 @@ impl Views {
     /// Appends what can be said of a view's matched curves over its image, a `foxglove.ImageAnnotations`: the number of
     /// the match's curve in the reference view, the same in all views, the match's score, and its disparity in pixels.
     /// They stand beside the centroids of curves no shorter than their label, the longest first, at most
-    /// [`MOST_LABELS`], and none that would cover another.
+    /// two dozen, and none that would cover another.
     pub fn labels(
         &mut self,
         codec: &Codec,
