@@ -172,12 +172,9 @@ impl House {
 
     /// Asks who it is, and carries what is said from one to the other.
     fn receive(&self, viewer: &TcpStream, address: SocketAddr) -> io::Result<()> {
-        let Some(head) = head(viewer)? else {
+        let asked = head(viewer)?.and_then(|head| Some((origins(&head)?, head)));
+        let Some((origins, head)) = asked else {
             return refuse(viewer, "400 Bad Request", "This is no WebSocket request.");
-        };
-        let origins = match origins(&head) {
-            Some(origins) => origins,
-            None => return refuse(viewer, "400 Bad Request", "This is no WebSocket request."),
         };
         if let Some(stranger) = origins
             .iter()
