@@ -20,14 +20,13 @@ pub(crate) use focus::Focus;
 /// The layout of a default run, as Foxglove imports it.
 const DEFAULT: &str = include_str!("layout.json");
 
-/// What it shows of the finest channel.
-const FINEST: &str = "\"matches/1\"";
+/// What it shows of the finest channel: where fields are named behind a dot, a name with a dot of its own stands in quotes.
+const FINEST: &str = r#""\"matches/0.8\"""#;
 
 /// The layout, as Foxglove imports it: of a run whose messages are written so, or of a default one.
 pub(crate) fn layout(codec: Option<&Codec>) -> String {
     let matches = codec.and_then(|codec| DataTopic::of(codec.rig(), Kind::Matches).pop());
     let layout = match matches {
-        // Where fields are named behind a dot, a name with a dot of its own stands in quotes.
         Some(topic) if topic.name.contains('.') => {
             DEFAULT.replace(FINEST, &format!("\"\\\"{}\\\"\"", topic.name))
         }
@@ -233,7 +232,7 @@ mod tests {
 
     /// What a default run has, as far as schemas tell.
     fn default_run() -> There {
-        run_of(&[4.0, 2.0, 1.0]).0
+        run_of(&[2.2, 0.8]).0
     }
 
     /// What a run with these channels has, and how it is written.
@@ -246,7 +245,7 @@ mod tests {
 
     #[test]
     fn of_seven_views_those_are_shown_whose_curves_matches_name() {
-        let codec = Codec::new(Rig::of_views(7, &[4.0, 2.0, 1.0], Size::new(64, 48)), 4);
+        let codec = Codec::new(Rig::of_views(7, &[2.2, 0.8], Size::new(64, 48)), 4);
         let there = There::promised(&codec, codec.channels(Shown::ALL));
         let layout = layout(Some(&codec));
         assert_eq!(

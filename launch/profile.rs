@@ -20,11 +20,12 @@ pub(crate) enum Profile {
 
 /// What a profile changes of a node's defaults: the profile, the node, the key, the value as JSON.
 const CHANGES: &[(Profile, &str, &str, &str)] = &[
-    (Profile::Fast, "filter", "channels", "[1.0]"),
+    (Profile::Fast, "filter", "channels", "[0.8]"),
     (Profile::Fast, "filter", "floor", "2.0"),
     // Fewer edges bear witness, so that the same score means a little less.
     (Profile::Fast, "match", "score_least", "0.99"),
     (Profile::Fine, "filter", "channels", "[4.0, 2.0, 1.0, 0.6]"),
+    (Profile::Fine, "match", "score_least", "0.989"),
 ];
 
 impl Profile {

@@ -31,7 +31,7 @@ fn what_repeats_is_left_alone_from_wherever_it_is_seen() {
         // The walls before and behind which the patterns stand are found, and nothing is taken for its neighbour.
         assert!(fence["points"].as_u64().unwrap() > 20_000, "{fence}");
         assert!(fence["bad_1"].as_f64().unwrap() < 0.005, "{fence}");
-        assert!(fence["mismatches"].as_u64().unwrap() <= 3, "{fence}");
+        assert!(fence["mismatches"].as_u64().unwrap() <= 5, "{fence}");
     }
 }
 

@@ -177,7 +177,7 @@ fn a_message_that_is_lost_on_its_way_is_missed_and_named() {
     ];
     let lossy = world
         .tricurve(&run)
-        .env("TRICURVE_LOSE", "curves/left/2:7")
+        .env("TRICURVE_LOSE", "curves/left/2.2:7")
         .output()
         .unwrap();
     let ran = Ran::new(lossy);

@@ -153,7 +153,7 @@ fn what_cannot_be_matched_is_refused_in_a_sentence() {
     other.filter.channels = vec![2.0];
     assert!(
         refused(&other, &rig(3))
-            .starts_with("expected the filter's channels, [2.0], the rig has [4.0")
+            .starts_with("expected the filter's channels, [2.0], the rig has [2.2")
     );
     let mut wrong = settings.clone();
     wrong.matching.score_least = 2.0;

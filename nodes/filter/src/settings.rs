@@ -38,10 +38,10 @@ impl Interpolation {
 messages::settings! {
     /// The settings of the filter.
     pub struct Settings {
-        /// σ² of each channel's Gaussian, in square pixels, coarse to fine. Fine channels carry most of the detail of
-        /// real scenes, coarse ones tell them where to look: over sixteen real scenes 4, 2, 1 cover 0.03 more
-        /// of the Canny edges than 8, 4, 1.5, with a sixth less wrong by more than a pixel.
-        pub channels: Vec<f32> = vec![4.0, 2.0, 1.0], in 0.5..=400.0;
+        /// σ² of each channel's Gaussian, in square pixels, coarse to fine. The fine one carries the detail, the coarse one
+        /// tells it where to look and fills in. Over sixteen real scenes 4, 2, 1 covers 0.004 less of the Canny edges, with
+        /// a tenth more wrong by more than a pixel, for a fifth more time; under noise of 8 gray levels it covers 0.03 more.
+        pub channels: Vec<f32> = vec![2.2, 0.8], in 0.5..=400.0;
         /// How zero-crossings are placed between pixels: `linear` or `cubic`. Over sixteen real scenes the cubic
         /// takes off a hundredth of the median error, leaves a little less wrong and covers 0.003 more.
         pub interpolation: Interpolation = Interpolation::Cubic;

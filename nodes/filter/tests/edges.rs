@@ -412,7 +412,7 @@ fn the_points_of_a_contour_are_a_dense_chain_and_hardly_one_is_doubled() {
         }
     }
     assert!(
-        all > 3000 && close * 100 < all && wide * 50 < all,
+        all > 2000 && close * 100 < all && wide * 50 < all,
         "of {all} steps {close} are short, {wide} are wide"
     );
 }
