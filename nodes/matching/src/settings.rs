@@ -119,7 +119,7 @@ messages::settings! {
         /// Pixels a cell measures in which neighbours are counted.
         pub support_cell: f32 = 8.0, in 4..=128;
         /// Least chance to be right within a pixel of a point that is reported, where points along curves choose for
-        /// themselves; 0 reports all. 0.98 covers 0.012 more and is wrong a fifth more often.
+        /// themselves; 0 reports all. 0.98 covers 0.006 more and is wrong a sixteenth more often.
         pub score_least: f32 = 0.985, in 0..=1;
         /// Pixels around a finer channel's points that coarser ones leave alone. 2 cover 0.02 less at equal errors.
         pub fill_in_radius: usize = 0, in 0..=32;
