@@ -59,6 +59,9 @@ pub(crate) enum Command {
     CheckGeometry(CheckGeometry),
     /// Write a recording as one HTML page: figures, points in space, how the run went
     Report(Report),
+    /// Compare two recordings of the same scans: did other settings make it better? Exit code 0 the same, 10 better,
+    /// 11 worse, 12 neither
+    Compare(Compare),
     /// Show how the graphs that run are doing, as they go: rates, load, queues, latencies, losses
     Top(Top),
     /// Measure what recording and viewing cost the graph
@@ -595,6 +598,26 @@ pub(crate) struct Export {
     /// The thesis's figures of each object, B.1 to B.39 where there are three, and a contact sheet of them
     #[arg(long, value_name = "FOLDER")]
     pub(crate) thesis: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Compare {
+    /// The recording to compare with
+    pub(crate) a: PathBuf,
+    /// The other one: is it better?
+    pub(crate) b: PathBuf,
+    /// Pixels of disparity beyond which a point has moved
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.5)]
+    pub(crate) within: f32,
+    /// A picture of both and of what differs, side by side
+    #[arg(long, value_name = "FILE")]
+    pub(crate) png: Option<PathBuf>,
+    /// The scan that the picture shows; without it, the first that both have
+    #[arg(long, value_name = "N", requires = "png")]
+    pub(crate) scan: Option<u64>,
+    /// Print it as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// The rivals of the method.

@@ -4,6 +4,7 @@ mod bench;
 mod calibrate;
 mod check_geometry;
 mod clean;
+mod compare;
 mod completions;
 mod evaluate;
 mod export;
@@ -48,6 +49,7 @@ pub(crate) fn run(cli: Cli) -> Result<Outcome, Failure> {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::CheckGeometry(args) => check_geometry::run(&args),
         Command::Report(args) => report::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Top(args) => top::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Topic(args) => topic::run(&args),

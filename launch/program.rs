@@ -20,6 +20,12 @@ pub(crate) enum Outcome {
     Lost,
     /// A node could not be part of the bus: what its launcher alone is told. Another process may fare better.
     OffBus,
+    /// Of two recordings the second is better than the first.
+    Better,
+    /// Of two recordings the second is worse than the first.
+    Worse,
+    /// Two recordings differ, and nothing says which is better.
+    Different,
     /// It was aborted by a second signal.
     Aborted,
 }
@@ -32,6 +38,9 @@ impl Outcome {
             Self::Usage => 2,
             Self::Lost => 3,
             Self::OffBus => 4,
+            Self::Better => 10,
+            Self::Worse => 11,
+            Self::Different => 12,
             Self::Aborted => 130,
         }
     }

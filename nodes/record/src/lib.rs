@@ -15,6 +15,7 @@ mod attach;
 mod batch;
 mod chunk;
 mod compact;
+mod compare;
 mod export;
 mod info;
 mod map;
@@ -36,6 +37,9 @@ pub use messages::recording::{Metadata, MetadataError, ReadError, Recording, Sca
 #[cfg(feature = "node")]
 pub use attach::{Attach, AttachError, Attached, Wish, attach};
 pub use batch::{Batch, encoder, taken_kinds};
+pub use compare::{
+    CompareError, Comparison, Mapped, Shared, Truth, Verdict, compare, side_by_side,
+};
 pub use export::{CSV_HEADER, Export, ExportError, Exported, export, whole};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
 pub use messages::record::{Encoder, Sink};

@@ -94,7 +94,7 @@ impl Picture {
         }
     }
 
-    fn save(&self, path: &Path) -> Result<(), ExportError> {
+    pub(crate) fn save(&self, path: &Path) -> Result<(), ExportError> {
         use std::io::Write;
         let mut png = Vec::new();
         let Size { width, height } = self.size;

@@ -1,0 +1,199 @@
+//! `tricurve compare`: did it get better?
+
+use std::fmt::Write as _;
+
+use messages::Kind;
+use messages::words::counted;
+use record::{
+    CompareError, Comparison, Mapped, Recording, Shared, Truth, Verdict, compare, side_by_side,
+};
+use serde_json::Value;
+
+use super::proof;
+use crate::cli::Compare as Args;
+use crate::{Failure, Outcome};
+
+pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    if args.within.is_nan() || args.within < 0.0 {
+        return Err(Failure::usage(format!(
+            "--within is {}, expected pixels of disparity, 0 or more",
+            args.within
+        )));
+    }
+    let open = |path| -> Result<_, Failure> {
+        let mut recording = Recording::open(path).map_err(Failure::failed)?;
+        for note in recording.notes().iter().chain(recording.remarks()) {
+            crate::say!("tricurve: {}: {note}", recording.path().display());
+        }
+        let mut without = Kind::ALL.to_vec();
+        without.retain(|kind| *kind != Kind::Points);
+        let scans = recording.whole_scans();
+        let computed = proof::complete(&mut recording, &scans, &without)?;
+        Ok((recording, computed))
+    };
+    let (mut a, _computed_a) = open(&args.a)?;
+    let (mut b, _computed_b) = open(&args.b)?;
+    let compared = compare([&mut a, &mut b], args.within).map_err(|error| match error {
+        CompareError::Read(_) => Failure::failed(error),
+        error => Failure::usage(error),
+    })?;
+    match args.json {
+        true => super::print_json(&compared)?,
+        false => super::print(&told(&compared))?,
+    }
+    if let Some(path) = &args.png {
+        let both = || a.scans().find(|scan| b.nanos(*scan).is_some());
+        let scan = args.scan.or_else(both).unwrap_or_default();
+        side_by_side([&mut a, &mut b], scan, args.within, path).map_err(Failure::failed)?;
+        crate::say!(
+            "tricurve: scan {scan} of both, and what differs: {}",
+            path.display()
+        );
+    }
+    if compared.only != [0; 2] {
+        crate::say!(
+            "tricurve: {} of the first and {} of the second are in one of them only and were not compared",
+            counted(compared.only[0], "scan"),
+            counted(compared.only[1], "scan")
+        );
+    }
+    if compared.other_images > 0 {
+        crate::say!(
+            "tricurve: the images of {} differ: what is compared is two takes, not two settings",
+            counted(compared.other_images, "scan")
+        );
+    }
+    Ok(match compared.verdict {
+        Verdict::Same => Outcome::Done,
+        Verdict::Better => Outcome::Better,
+        Verdict::Worse => Outcome::Worse,
+        Verdict::Different => Outcome::Different,
+    })
+}
+
+/// As people read it.
+fn told(compared: &Comparison) -> String {
+    let mut out = String::new();
+    let mut line = |name: &str, a: &str, b: &str, change: &str| {
+        let row = format!("  {name:<26}{a:>16}{b:>16}  {change}");
+        writeln!(out, "{}", row.trim_end()).unwrap_or_default();
+    };
+    line("", "A", "B", "");
+    let scans = compared.scans;
+    line("scans of both", &scans.to_string(), &scans.to_string(), "");
+    for (key, [a, b]) in &compared.settings {
+        line(key, &short(a), &short(b), "");
+    }
+    let Shared {
+        a,
+        b,
+        both,
+        moved,
+        only_a,
+        only_b,
+        median,
+        most,
+    } = compared.points;
+    let share = |part: u64, of: u64| format!("{:.1} %", 100.0 * part as f64 / of.max(1) as f64);
+    line(
+        "points",
+        &a.to_string(),
+        &b.to_string(),
+        &signed(b as f64 - a as f64, 0, ""),
+    );
+    line("in one only", &only_a.to_string(), &only_b.to_string(), "");
+    line("in both", &both.to_string(), "", &share(both, a));
+    line(
+        &format!("moved by over {} px", compared.within),
+        &moved.to_string(),
+        "",
+        &share(moved, both),
+    );
+    line(
+        "moved, median; most",
+        &format!("{median:.3} px"),
+        &format!("{most:.2} px"),
+        "",
+    );
+    if let Some([a, b]) = &compared.truth {
+        let mut row = |name: &str, of: fn(&Truth) -> f64, digits: usize, unit: &str| {
+            let shown = |truth| format!("{:.digits$}{unit}", of(truth));
+            line(
+                name,
+                &shown(a),
+                &shown(b),
+                &signed(of(b) - of(a), digits, unit),
+            );
+        };
+        row("coverage", |truth| truth.coverage, 4, "");
+        row("bad-1.0", |truth| 100.0 * truth.bad_one, 3, " %");
+        row("bad-2.0", |truth| 100.0 * truth.bad_two, 3, " %");
+        row("median error", |truth| truth.median, 4, " px");
+    }
+    if let Some([a, b]) = &compared.maps {
+        let mut row = |name: &str, of: fn(&Mapped) -> f64, digits: usize, unit: &str| {
+            let shown = |map| format!("{:.digits$}{unit}", of(map));
+            line(
+                name,
+                &shown(a),
+                &shown(b),
+                &signed(of(b) - of(a), digits, unit),
+            );
+        };
+        row("points of the map", |map| map.points as f64, 0, "");
+        row(
+            "their σ, median",
+            |map| 1e3 * f64::from(map.sigma_m),
+            2,
+            " mm",
+        );
+    }
+    let verdict = match (compared.verdict, &compared.truth) {
+        _ if compared.other_images > 0 => {
+            "they are of other images, and nothing says which is better"
+        }
+        (Verdict::Same, None) => "the same: every point is in both, in its place",
+        (Verdict::Same, Some(_)) => {
+            "the same: coverage within 0.001 and bad-1.0 within 0.01 % of each other"
+        }
+        (Verdict::Better, _) => {
+            "B is better: it covers more or is wrong less often, and loses nothing else"
+        }
+        (Verdict::Worse, _) => {
+            "B is worse: it covers less or is wrong more often, and gains nothing else"
+        }
+        (Verdict::Different, None) => {
+            "they differ, and without the truth nothing says which is better"
+        }
+        (Verdict::Different, Some([a, b])) if b.coverage > a.coverage => {
+            "B covers more and is wrong more often"
+        }
+        (Verdict::Different, Some(_)) => "B covers less and is wrong less often",
+    };
+    writeln!(out, "{verdict}").unwrap_or_default();
+    out
+}
+
+/// A difference with its sign.
+fn signed(difference: f64, digits: usize, unit: &str) -> String {
+    format!("{difference:+.digits$}{unit}")
+}
+
+/// A value that fits its column.
+fn short(value: &Value) -> String {
+    const MOST: usize = 15;
+    let text = match value {
+        Value::Null => "-".to_owned(),
+        Value::String(text) => text.clone(),
+        value => value.to_string(),
+    };
+    match text.chars().count() > MOST {
+        true => format!(
+            "…{}",
+            text.chars()
+                .skip(text.chars().count() - MOST + 1)
+                .collect::<String>()
+        ),
+        false => text,
+    }
+}
