@@ -1,7 +1,7 @@
 //! A look at a source's first scans before anything runs: whether they can be stereo, and how far off their rows are.
 
 use capture::look::{Finding, Look, REFUSED_PX, look_but};
-use capture::{Source, SourceError};
+use capture::{Layout, Source, SourceError};
 use messages::{Image, Owned, Rail};
 use serde::Serialize;
 
@@ -37,6 +37,8 @@ pub(crate) struct Looked {
     /// By scan, the worst first.
     by_scan: Vec<Vec<Found>>,
     is_rail: bool,
+    /// How to say which view stands where.
+    naming: &'static str,
     /// Whether a calibration is made good already.
     is_rectified: bool,
 }
@@ -65,6 +67,11 @@ impl Looked {
         let mut looked = Self {
             by_scan: Vec::new(),
             is_rail: source.rail().is_some(),
+            naming: match (source.layout(), source.topics()) {
+                (Some(Layout::Cameras), _) => "name the folders so",
+                (_, Some(_)) => "name them so: --topics left=/…,centre=/…,right=/…",
+                _ => "name the files so, or list them so in scene.json",
+            },
             is_rectified,
         };
         let mut pixels = 0;
@@ -119,9 +126,7 @@ impl Looked {
     /// What to do about it.
     fn cure(&self, finding: &Finding, source: &str) -> String {
         match finding {
-            Finding::Order { .. } => {
-                "; name the files so, or list them so in scene.json".to_owned()
-            }
+            Finding::Order { .. } => format!("; {}", self.naming),
             Finding::Rows { .. } if self.is_rail => {
                 "; level the camera along its way, or turn the images (capture.sway)".to_owned()
             }

@@ -94,6 +94,24 @@ fn what_cannot_be_read_of_a_bag_makes_the_exit_code_3() {
     fs::write(&path, &whole[..whole.len() * 2 / 3]).unwrap();
     let run = ["run", "--source", "bag.mcap", "--no-record"];
     ended(&world, &run, 3, "data was lost: the bag is damaged");
+    // An image that is too short.
+    let mut all = rig(6);
+    let short = &mut all[4..];
+    let one = short
+        .iter_mut()
+        .find(|one| one.topic == "/left/image_rect")
+        .unwrap();
+    let pixels = Pixels {
+        encoding: "mono8",
+        size: SIZE,
+        step: SIZE.0,
+        is_big: false,
+        data: &[0; 99],
+    };
+    *one = image(&one.topic.clone(), one.log, pixels);
+    mcap(&path, &all);
+    let told = "1 of 6 images on /left/image_rect cannot be used";
+    ended(&world, &run, 3, told);
     // An image that turns out to be damaged in its turn: its scan is left out, and the others come.
     let all = rig(6);
     let options = mcap::WriteOptions::new().compression(None);
@@ -105,7 +123,7 @@ fn what_cannot_be_read_of_a_bag_makes_the_exit_code_3() {
     let at = file.windows(200).rposition(|window| window == of_pixels);
     file[at.unwrap()] ^= 1;
     fs::write(&path, &file).unwrap();
-    let ran = ended(&world, &run, 3, "data was lost: 1 scans could not be read");
+    let ran = ended(&world, &run, 3, "data was lost: 1 scan could not be read");
     assert!(
         ran.out
             .contains("5 done, 1 dropped at the door (1: an image cannot be read)"),

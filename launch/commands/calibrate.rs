@@ -107,9 +107,11 @@ fn tell(shots: &Shots, board: &Board, args: &Args) {
     }
     if shots.ignored > 0 {
         crate::say!(
-            "tricurve: {} images that lie elsewhere in {} are ignored",
-            shots.ignored,
-            args.folder.display()
+            "tricurve: {} that {} elsewhere in {} {} ignored",
+            counted(shots.ignored, "image"),
+            if shots.ignored == 1 { "lies" } else { "lie" },
+            args.folder.display(),
+            if shots.ignored == 1 { "is" } else { "are" }
         );
     }
     for left_out in &shots.left_out {

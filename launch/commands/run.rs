@@ -9,6 +9,7 @@ use capture::{Source, Views};
 use jiff::Timestamp;
 use messages::bus::Level;
 use messages::ledger::Ledger;
+use messages::words::counted;
 use messages::{Delivery, Rail, Rig, Size, Sway};
 use serde_json::{Value, json};
 
@@ -75,7 +76,10 @@ fn with_losses(outcome: Outcome, source: &Source, ledger: &Ledger) -> Outcome {
     }
     match ledger.refused.get(UNREADABLE) {
         Some(count) => {
-            crate::say!("capture: data was lost: {count} scans could not be read");
+            crate::say!(
+                "capture: data was lost: {} could not be read",
+                counted(*count, "scan")
+            );
             Outcome::Lost
         }
         None => Outcome::Done,

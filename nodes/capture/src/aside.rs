@@ -54,6 +54,9 @@ const MADE: [&str; 32] = [
     "previews",
 ];
 
+/// Those of them for what a camera of depth gives beside each image.
+const DEPTH: [&str; 2] = ["depth", "depths"];
+
 /// Endings from those without loss to the others: of an image in several, the first is taken.
 const BEST: [&str; 6] = ["png", "tif", "tiff", "pgm", "ppm", "bmp"];
 
@@ -148,6 +151,16 @@ impl Aside {
             let made = folders.extract_if(.., |folder| is_made(folder));
             self.made.extend(made.filter(|folder| holds_images(folder)));
         }
+    }
+
+    /// Whether pictures of depth were left out of a folder.
+    pub(crate) fn has_depth_in(&self, folder: &Path) -> bool {
+        let is_depth = |image: &PathBuf| {
+            let mut fields = names::fields(&stem(image)).into_iter();
+            fields.any(|field| DEPTH.contains(&field.text.as_str()))
+        };
+        let mut made = self.made.iter();
+        made.any(|image| image.parent() == Some(folder) && image.is_file() && is_depth(image))
     }
 
     /// What is to be said of what was left out of this folder.

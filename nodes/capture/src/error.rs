@@ -127,6 +127,20 @@ pub enum SourceError {
         name: String,
     },
 
+    /// Two sets of cameras, or two kinds of images of each.
+    #[error(
+        "{} holds two {what} of one camera, {} and {}: give a folder that holds one set of cameras, move what is there twice away, or choose by place from left to right with --views 0,2,4",
+        path.display(), names[0], names[1]
+    )]
+    Twins {
+        /// The folder.
+        path: PathBuf,
+        /// What these are: folders or images.
+        what: &'static str,
+        /// Two names of one camera.
+        names: [String; 2],
+    },
+
     /// Fewer than three cameras.
     #[error(
         "{} holds {} of the at least three cameras that a scan needs: read as {} ({layout}), {} at {times} times; --layout says another",
@@ -618,6 +632,7 @@ impl SourceError {
                 | Self::TwoLayouts { .. }
                 | Self::Deep { .. }
                 | Self::Side { .. }
+                | Self::Twins { .. }
                 | Self::RailOfRig { .. }
                 | Self::RailLayout
                 | Self::LensOfNothing
@@ -646,6 +661,7 @@ impl SourceError {
                 | Self::TwoLayouts { .. }
                 | Self::Deep { .. }
                 | Self::Side { .. }
+                | Self::Twins { .. }
                 | Self::TooFewCameras { .. }
                 | Self::NeverTogether { .. }
                 | Self::RailOfRig { .. }

@@ -13,7 +13,7 @@ use crate::error::SourceError;
 use crate::image_file::{self, Head};
 use crate::layout::{self, Layout, Piece, Table, Time, Together};
 use crate::middlebury;
-use crate::names;
+use crate::names::{self, Whose};
 use crate::panels::Part;
 use crate::settings::{Mode, Views};
 use crate::truth::{Encoding, TruthFile};
@@ -169,6 +169,14 @@ pub(crate) struct Listing {
 
 impl Listing {
     pub(crate) fn read(folder: &Path) -> Result<Self, SourceError> {
+        let mut listing = Self::unsorted(folder)?;
+        names::sort_cameras(&mut listing.images, |image| layout::stem(image));
+        names::sort(&mut listing.folders, |folder| name(folder));
+        Ok(listing)
+    }
+
+    /// The same in any order, for who only counts.
+    pub(crate) fn unsorted(folder: &Path) -> Result<Self, SourceError> {
         let mut listing = Self::default();
         for entry in fs::read_dir(folder).map_err(SourceError::io(folder))? {
             let path = entry.map_err(SourceError::io(folder))?.path();
@@ -190,8 +198,6 @@ impl Listing {
             let has_images = !listing.images.is_empty();
             listing.aside.take_folders(&mut listing.folders, has_images);
         }
-        names::sort_cameras(&mut listing.images, |image| layout::stem(image));
-        names::sort(&mut listing.folders, |folder| name(folder));
         Ok(listing)
     }
 }
@@ -311,16 +317,19 @@ fn one_cameras(table: &Table) -> Result<(), SourceError> {
     /// Folders that recorders put inside those of cameras.
     const INSIDE: [&str; 5] = ["data", "images", "frames", "rgb", "image_raw"];
     let whole = fs::canonicalize(&table.folder).unwrap_or_else(|_| table.folder.clone());
-    let parent = whole
+    let around = whole
         .parent()
         .filter(|_| INSIDE.contains(&name(&whole).as_str()));
-    let of = name(parent.unwrap_or(&whole));
-    match names::only_camera(&of, &table.cameras) {
+    let has_depth = table.aside.has_depth_in(&table.folder);
+    let mut folders = around.into_iter().chain([whole.as_path()]);
+    let camera =
+        folders.find_map(|folder| names::only_camera(&name(folder), &table.cameras, has_depth));
+    match camera {
         Some(camera) if !is_described(&table.folder)? => Err(SourceError::TwoLayouts {
             path: table.folder.clone(),
             first: format!("the images of one camera ({camera})"),
             second: "the views of one scene".to_owned(),
-            say: "--layout views if they are a scene's, --set capture.mode=rail if one camera moved, or give the folder that \
+            say: "--layout views if they are a scene's, --layout rail if one camera moved, or give the folder that \
                   holds those of all cameras",
         }),
         _ => Ok(()),
@@ -365,6 +374,13 @@ fn in_turn(
             path: table.folder.clone(),
             name: name.clone(),
         });
+    }
+    if !matches!(asked, Views::These(asked) if !asked.is_empty()) {
+        let (are_folders, what) = match table.layout {
+            Layout::Cameras => (true, "folders"),
+            _ => (false, "images"),
+        };
+        own_cameras(&table.folder, &table.cameras, are_folders, what)?;
     }
     let choice = Choice::among(asked, count, None);
     let positions: Vec<f64> = (0..count).map(|camera| camera as f64).collect();
@@ -431,6 +447,23 @@ fn in_turn(
         ),
     }
     Ok(albums)
+}
+
+/// Refuses names of which two are of one camera.
+fn own_cameras(
+    path: &Path,
+    cameras: &[String],
+    are_folders: bool,
+    what: &'static str,
+) -> Result<(), SourceError> {
+    match names::whose(cameras, are_folders) {
+        Some(Whose::Twins(twins)) => Err(SourceError::Twins {
+            path: path.to_owned(),
+            what,
+            names: twins.map(|twin| cameras[twin].clone()),
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// What the chosen cameras took at one time.
@@ -537,12 +570,18 @@ fn album(
                 name,
             });
         }
-        None => (
-            listing.images.clone(),
-            (0..listing.images.len()).map(|i| i as f64).collect(),
-            None,
-            Vec::new(),
-        ),
+        None => {
+            if mode == Mode::Rig && !matches!(asked, Views::These(asked) if !asked.is_empty()) {
+                let stems: Vec<String> = listing.images.iter().map(|i| layout::stem(i)).collect();
+                own_cameras(folder, &stems, false, "images")?;
+            }
+            (
+                listing.images.clone(),
+                (0..listing.images.len()).map(|i| i as f64).collect(),
+                None,
+                Vec::new(),
+            )
+        }
     };
     if files.len() < 3 {
         return Err(SourceError::TooFewViews {

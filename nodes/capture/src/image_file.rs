@@ -2,6 +2,7 @@
 
 mod jpeg_end;
 mod numbers;
+mod several;
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read};
@@ -32,8 +33,12 @@ pub(crate) fn is_image(path: &Path) -> bool {
 
 /// Whether a file holds several pictures, of which only the first is read.
 pub(crate) fn holds_more(path: &Path) -> bool {
-    let ending = path.extension().unwrap_or_default().to_string_lossy();
-    matches!(ending.to_lowercase().as_str(), "tif" | "tiff") && numbers::holds_more(path)
+    let format = ImageReader::open(path).and_then(ImageReader::with_guessed_format);
+    match format.ok().and_then(|reader| reader.format()) {
+        Some(ImageFormat::Tiff) => numbers::holds_more(path),
+        Some(format) => several::holds_more(path, format).unwrap_or_default(),
+        None => false,
+    }
 }
 
 /// What an image's head says.

@@ -18,6 +18,8 @@ mod together;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use unicode_normalization::UnicodeNormalization as _;
+
 use crate::aside::Aside;
 use crate::folder;
 use crate::names;
@@ -133,8 +135,8 @@ pub(crate) fn stem(path: &Path) -> String {
     stem.map(|stem| shown(&stem)).unwrap_or_default()
 }
 
-/// A name without what ends a line or cannot be shown.
+/// A name without what ends a line or cannot be shown, its accents in one way: some systems write `ä` as two signs.
 pub(crate) fn shown(name: &str) -> String {
     let is_odd = |c: char| c.is_control() || ['\u{2028}', '\u{2029}'].contains(&c);
-    name.replace(is_odd, "\u{fffd}")
+    name.nfc().collect::<String>().replace(is_odd, "\u{fffd}")
 }

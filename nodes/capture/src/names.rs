@@ -1,7 +1,12 @@
 //! What names of files and folders say: their order, the side a camera stands at, the fields they are made of.
 
+mod twins;
+
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
+
+pub(crate) use twins::{Whose, are_one_cameras, kind, whose};
+use twins::{is_kind, is_plain};
 
 /// A piece of a name, as people read it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -315,6 +320,18 @@ const TIMES: [&str; 21] = [
     "trigger",
     "szene",
 ];
+/// Words after which a number is that of a set of cameras or images, and not of one of them.
+const SETS: [&str; 9] = [
+    "session",
+    "sessions",
+    "rig",
+    "recording",
+    "rec",
+    "trial",
+    "part",
+    "day",
+    "dataset",
+];
 /// Words for pictures: a folder of this name with a number is a camera's, and a file's number may be anything.
 const PICTURES: [&str; 6] = ["image", "images", "img", "picture", "photo", "bild"];
 
@@ -404,8 +421,21 @@ pub(crate) fn side_of(word: &str) -> Option<i32> {
     side(word, LETTERS[0])
 }
 
-/// How far to the right of the middle a name says that its camera stands.
-fn rank(name: &str, letters: [&str; 3], first: i32) -> Option<i32> {
+/// Whether a number after this word is that of a set or a time.
+fn is_of_set(word: &str) -> bool {
+    SETS.contains(&word) || TIMES.contains(&word)
+}
+
+/// Where a name says that its camera stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Place {
+    /// −1 left, 0 the middle, 1 right.
+    side: i32,
+    /// How far to the right of the middle, in cameras.
+    rank: i32,
+}
+
+fn place(name: &str, letters: [&str; 3], first: i32) -> Option<Place> {
     let fields = fields(name);
     let sides: BTreeSet<i32> = fields
         .iter()
@@ -422,16 +452,21 @@ fn rank(name: &str, letters: [&str; 3], first: i32) -> Option<i32> {
     let is_outer = fields
         .iter()
         .any(|field| OUTER.contains(&field.text.as_str()));
-    let mut numbers = fields.iter().filter(|field| field.is_number);
-    let number = numbers
-        .next_back()
-        .and_then(|field| field.text.parse::<u16>().ok());
+    let is_of_set = |at: &usize| {
+        let before = at.checked_sub(1).map(|before| &fields[before].text);
+        before.is_some_and(|word| is_of_set(word))
+    };
+    let number = (0..fields.len())
+        .rev()
+        .find(|at| fields[*at].is_number && !is_of_set(at))
+        .and_then(|at| fields[at].text.parse::<u16>().ok());
     let number = number.map_or(1, |number| i32::from(number) + 1 - first);
-    Some(match (side, is_outer) {
+    let rank = match (side, is_outer) {
         (0, _) => 0,
         (side, true) => side * (number + 1),
         (side, false) => side * number,
-    })
+    };
+    Some(Place { side, rank })
 }
 
 /// The order from left to right of cameras whose names all say on which side they stand, each on another.
@@ -443,18 +478,56 @@ fn ranks(names: &[String]) -> Option<Vec<i32>> {
             .is_some_and(|last| last.is_number && last.text == "0")
     };
     let first = i32::from(!names.iter().any(has_zero));
-    // Without a number of its own a side is one, and a number common to all is none of a side's.
-    let common = common_numbers(names);
-    let mut bare: Vec<String> = names.iter().map(|name| without(name, &common)).collect();
-    if let Some(between) = in_colour(&bare) {
-        SIDES[1][0].clone_into(&mut bare[between]);
-    }
-    LETTERS.into_iter().find_map(|letters| {
-        let ranks: Option<Vec<i32>> = bare.iter().map(|name| rank(name, letters, first)).collect();
-        let ranks = ranks?;
-        let different: BTreeSet<i32> = ranks.iter().copied().collect();
-        (different.len() == names.len() && different.len() > 1).then_some(ranks)
+    bare_names(names).into_iter().find_map(|mut bare| {
+        if let Some(between) = in_colour(&bare) {
+            SIDES[1][0].clone_into(&mut bare[between]);
+        }
+        LETTERS.into_iter().find_map(|letters| {
+            let ranks: Option<Vec<i32>> = bare
+                .iter()
+                .map(|name| Some(place(name, letters, first)?.rank))
+                .collect();
+            let ranks = ranks?;
+            let different: BTreeSet<i32> = ranks.iter().copied().collect();
+            (different.len() == names.len() && different.len() > 1).then_some(ranks)
+        })
     })
+}
+
+/// The names without the numbers that all have, for without a number of its own a side is one; and, as in `right_arm_left`
+/// and `right_arm_right`, without what else all have.
+fn bare_names(names: &[String]) -> [Vec<String>; 2] {
+    let numbers = common_numbers(names);
+    let all: Vec<Vec<Field>> = names.iter().map(|name| fields(name)).collect();
+    let mut common = all.iter().skip(1).fold(
+        all.first().cloned().unwrap_or_default(),
+        |mut common, own| {
+            let mut rest = own.clone();
+            common.retain(|field| match rest.iter().position(|other| other == field) {
+                Some(at) => {
+                    rest.remove(at);
+                    true
+                }
+                None => false,
+            });
+            common
+        },
+    );
+    // The number after such a word is none of a side's.
+    common.retain(|field| !is_of_set(&field.text));
+    let differing = |own: &Vec<Field>| {
+        let mut kept = own.clone();
+        for field in &common {
+            if let Some(at) = kept.iter().position(|other| other == field) {
+                kept.remove(at);
+            }
+        }
+        joined(kept)
+    };
+    [
+        names.iter().map(|name| without(name, &numbers)).collect(),
+        all.iter().map(differing).collect(),
+    ]
 }
 
 /// Of three names, one that says left and one that says right, the third if it is that of a camera in colour.
@@ -489,7 +562,13 @@ fn without(name: &str, numbers: &BTreeSet<String>) -> String {
     let kept = fields
         .into_iter()
         .filter(|field| !(field.is_number && numbers.contains(&field.text)));
-    kept.map(|field| field.text).collect::<Vec<_>>().join("_")
+    joined(kept)
+}
+
+/// A name of these fields.
+fn joined(fields: impl IntoIterator<Item = Field>) -> String {
+    let texts = fields.into_iter().map(|field| field.text);
+    texts.collect::<Vec<_>>().join("_")
 }
 
 /// Whether these names say from left to right in which order their cameras stand; of one side only they are rather counted.
@@ -519,11 +598,11 @@ pub(crate) fn is_lettered(name: &str) -> bool {
     }
 }
 
-/// Puts cameras in order: from left to right where all say where they stand, else by name.
+/// Puts cameras in order: from left to right where all say where they stand, those of one side by name, else all by name.
 pub(crate) fn sort_cameras<T>(items: &mut Vec<T>, name: impl Fn(&T) -> String) {
     sort(items, &name);
     let names: Vec<String> = items.iter().map(&name).collect();
-    if let Some(ranks) = ranks(&names) {
+    if let Some(ranks) = ranks(&names).or_else(|| twins::sides(&names)) {
         let mut ranked: Vec<(i32, T)> = ranks.into_iter().zip(items.drain(..)).collect();
         ranked.sort_by_key(|(rank, _)| *rank);
         items.extend(ranked.into_iter().map(|(_, item)| item));
@@ -565,9 +644,9 @@ pub(crate) fn one_camera(name: &str) -> Option<String> {
         .or_else(|| fields.windows(2).find_map(device))
 }
 
-/// The camera that took all images of a folder, where its name or theirs say one and what differs in theirs is no
-/// camera's.
-pub(crate) fn only_camera(folder: &str, stems: &[String]) -> Option<String> {
+/// The camera that took all images of a folder, where its name or theirs say one, or the kind of one's images, and what
+/// differs in theirs is no camera's. Words for kinds in files' names count beside pictures of depth only.
+pub(crate) fn only_camera(folder: &str, stems: &[String], has_depth: bool) -> Option<String> {
     let all: Vec<Vec<Field>> = stems.iter().map(|stem| fields(stem)).collect();
     let (first, rest) = all.split_first()?;
     let kinds = |fields: &[Field]| fields.iter().map(|f| f.is_number).collect::<Vec<_>>();
@@ -588,16 +667,16 @@ pub(crate) fn only_camera(folder: &str, stems: &[String]) -> Option<String> {
     };
     let common: Vec<&str> = (0..first.len()).map(text).collect();
     // Folders are called anything: only one that is called after nothing else is a camera's.
-    let is_of_camera = |field: &Field| {
-        let word = field.text.as_str();
-        field.is_number
-            || [&CAMERAS[..], &COMPANIONS, &PICTURES]
-                .iter()
-                .any(|words| words.contains(&word))
-            || side(word, ["", "", ""]).is_some()
-    };
-    let is_plain = self::fields(folder).iter().all(is_of_camera);
-    one_camera(&common.join("_")).or_else(|| one_camera(folder).filter(|_| is_plain))
+    one_camera(&common.join("_"))
+        .or_else(|| one_camera(folder).filter(|_| is_plain(folder)))
+        .or_else(|| kind(folder))
+        .or_else(|| {
+            let mut kinds = common.iter().filter(|word| is_kind(word));
+            kinds
+                .next()
+                .filter(|_| has_depth)
+                .map(|word| (*word).to_owned())
+        })
 }
 
 /// The same, of names among which nothing else says where they stand.
@@ -725,7 +804,8 @@ mod tests {
 
     #[test]
     fn a_folder_of_one_cameras_images_is_known_by_its_name_or_theirs() {
-        let of = |folder: &str, names: [&str; 3]| only_camera(folder, &names.map(str::to_owned));
+        let of =
+            |folder: &str, names: [&str; 3]| only_camera(folder, &names.map(str::to_owned), false);
         let numbers = ["000", "001", "002"];
         let cases = [
             ("cam0", numbers, Some("cam0")),
@@ -748,6 +828,13 @@ mod tests {
             ("scene_1", ["im0", "im1", "im2"], None),
             ("bright", numbers, None),
             (".tmpBhbjDx", numbers, None),
+            ("rgb", numbers, Some("rgb")),
+            ("infra1", numbers, Some("infra")),
+            ("color_raw", numbers, Some("color")),
+            ("image_raw", numbers, Some("image_raw")),
+            ("color_wheel", numbers, None),
+            ("images", numbers, None),
+            ("rgb", ["view0", "view1", "view2"], None),
             ("dx", numbers, None),
             ("turn_left_test", numbers, None),
             ("left_camera", numbers, Some("left")),

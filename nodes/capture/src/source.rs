@@ -1,6 +1,6 @@
 //! One source of scans, whatever it is made of.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -62,7 +62,7 @@ enum Kind {
 /// A chosen view of a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
-    /// Its file's name, or the position of a rendered scene.
+    /// Its file's name, with the folder where others have the same, or the position of a rendered scene.
     pub name: String,
     /// Which of the source's views it is, counted from 0.
     pub number: u32,
@@ -593,16 +593,22 @@ impl Source {
                     position_steps: position.into(),
                 })
                 .collect(),
-            Kind::Folders { albums, .. } => albums[scene]
-                .shots
-                .iter()
-                .zip(&albums[scene].choice.views)
-                .map(|(shot, &number)| Place {
-                    name: shot.name(),
-                    number,
-                    position_steps: shot.position,
-                })
-                .collect(),
+            Kind::Folders { albums, .. } => {
+                let Album { shots, choice, .. } = &albums[scene];
+                let different: BTreeSet<String> = shots.iter().map(Shot::name).collect();
+                let root = self.folder.as_ref().map(|(root, _)| root.as_path());
+                // Where each camera has a folder its files may have the names of the others'.
+                let root = root.filter(|_| different.len() < shots.len());
+                shots
+                    .iter()
+                    .zip(&choice.views)
+                    .map(|(shot, &number)| Place {
+                        name: root.map_or_else(|| shot.name(), |root| shot.file(root)),
+                        number,
+                        position_steps: shot.position,
+                    })
+                    .collect()
+            }
             Kind::Bag(bag) => bag
                 .views
                 .iter()

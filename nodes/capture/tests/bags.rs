@@ -293,7 +293,9 @@ fn frames_that_belong_to_no_scan_are_counted_by_cause() {
         "{said}"
     );
     assert!(
-        said.contains("1 of 12 images on /left/image_rect cannot be used"),
+        said.contains(
+            "the bag is damaged, 30 messages of it can be read: 1 of 12 images on /left/image_rect cannot be used"
+        ),
         "{said}"
     );
 }
@@ -941,6 +943,97 @@ fn what_is_missing_of_a_folder_is_told() {
     let (scans, told) = damage();
     assert_eq!(scans, 3);
     assert!(told.contains("bag_1.mcap: it is empty"), "{told}");
+}
+
+#[test]
+fn an_image_that_cannot_be_used_is_damage_of_the_bag() {
+    let short = |size: (u32, u32)| {
+        let pixels = Pixels {
+            encoding: "mono8",
+            size,
+            step: size.0,
+            is_big: false,
+            data: &gray(2, 1)[..9],
+        };
+        image(&topic(1), START + 202 * MS, pixels)
+    };
+    for odd in [short(SIZE), short((0, 0))] {
+        let mut all = rig(4);
+        all[7] = odd;
+        let source = Folder::of(&all).open().unwrap();
+        assert_eq!(source.scans(), 3);
+        let damage = source.damage().unwrap_or_default();
+        assert!(
+            damage.contains("1 of 4 images on /centre/image_rect cannot be used; the first: it "),
+            "{damage}"
+        );
+        assert!(source.warnings().contains(&damage.to_owned()));
+    }
+}
+
+#[test]
+fn a_torn_png_or_jpeg_is_told_when_its_turn_comes() {
+    let jpeg = |levels: &[u8]| {
+        let mut out = Vec::new();
+        let encoder = JpegEncoder::new_with_quality(&mut out, 90);
+        let written = encoder.write_image(levels, SIZE.0, SIZE.1, ExtendedColorType::L8);
+        written.map(|()| out).unwrap()
+    };
+    let png = |levels: &[u8]| {
+        let mut out = Vec::new();
+        let encoder = PngEncoder::new(&mut out);
+        let written = encoder.write_image(levels, SIZE.0, SIZE.1, ExtendedColorType::L8);
+        written.map(|()| out).unwrap()
+    };
+    for encode in [&jpeg as &dyn Fn(&[u8]) -> Vec<u8>, &png] {
+        let scans = (0..4).flat_map(|scan| (0..3).map(move |view| (scan, view)));
+        let all: Vec<Written> = scans
+            .map(|(scan, view)| {
+                let mut bytes = encode(&gray(scan, view));
+                if (scan, view) == (2, 1) {
+                    bytes.truncate(bytes.len() / 2);
+                }
+                let nanos = START + scan * 100 * MS + view as u64 * 2 * MS;
+                compressed(&format!("/cam{view}/image_raw/compressed"), nanos, &bytes)
+            })
+            .collect();
+        let mut source = Folder::of(&all).open().unwrap();
+        let mut out = Owned::<Image>::new(source.size());
+        let error = out.fill(|room| source.read(2, 1, room)).unwrap_err();
+        assert!(error.is_of_one_scan(), "{error}");
+        out.fill(|room| source.read(3, 1, room)).unwrap();
+    }
+}
+
+#[test]
+fn a_bag_file_that_the_metadata_does_not_name_is_told_of() {
+    let all = rig(6);
+    let folder = Folder::new();
+    mcap(&folder.file("bag_0.mcap"), &all[..9]);
+    metadata(folder.0.path(), &["bag_0.mcap"], "mcap", &all[..9]);
+    let said = |folder: &Folder| {
+        let source = Source::open(&settings(folder.0.path())).unwrap();
+        assert_eq!(source.scans(), 3);
+        assert_eq!(source.damage(), None);
+        let mut warnings = source.warnings().iter();
+        warnings
+            .find(|warning| warning.contains("not read"))
+            .cloned()
+    };
+    assert_eq!(said(&folder), None);
+    // One that was unpacked is the same.
+    fs::write(folder.file("bag_0.mcap.zstd"), [0x28, 0xb5, 0x2f, 0xfd]).unwrap();
+    assert_eq!(said(&folder), None);
+    mcap(&folder.file("bag_1.mcap"), &all[9..]);
+    let told = "bag_1.mcap is not read, for metadata.yaml does not name it: give it by itself, or run `ros2 bag reindex`";
+    assert_eq!(said(&folder).as_deref(), Some(told));
+    fs::remove_file(folder.file("bag_0.mcap")).unwrap();
+    fs::remove_file(folder.file("bag_0.mcap.zstd")).unwrap();
+    let refusal = folder.refusal(&settings(folder.0.path()));
+    assert!(
+        refusal.contains("bag_0.mcap, which metadata.yaml names, is missing; give bag_1.mcap itself if that is meant"),
+        "{refusal}"
+    );
 }
 
 #[test]

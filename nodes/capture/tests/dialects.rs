@@ -285,6 +285,10 @@ fn a_rig_is_the_same_in_every_dialect() {
             .map(|view| format!("- name: cam{view}\n  {}", map(view, "  ", pose)))
             .concat();
         files.push((pose, vec![format!("cameras:\n{listed}")]));
+        let numbered = [2, 1, 0]
+            .map(|view| format!("cam{}:\n  {}", [1, 2, 10][view], map(view, "  ", pose)))
+            .concat();
+        files.push(("numbered, in another order", vec![numbered]));
         let group = [0, 1, 2]
             .map(|view| format!("camera_{view}:\n   {}", map(view, "   ", pose)))
             .concat();

@@ -818,3 +818,413 @@ fn every_layout_is_written_as_it_is_said() {
         );
     }
 }
+
+#[test]
+fn two_folders_of_one_camera_are_named_and_never_times() {
+    let sides = ["left", "centre", "right"];
+    let with = |ends: [&str; 2]| -> Vec<String> {
+        let both = |side: &&str| ends.map(|end| end.replace('*', side));
+        sides.iter().flat_map(both).collect()
+    };
+    for (folders, twins) in [
+        (with(["*", "*_color"]), "left and left_color"),
+        (with(["*_gray", "*_color"]), "left_color and left_gray"),
+        (with(["*", "*_raw"]), "left and left_raw"),
+        (with(["*1", "*2"]), "centre1 and centre2"),
+        (
+            with(["session0_*", "session1_*"]),
+            "session0_left and session1_left",
+        ),
+        (with(["*_scan1", "*_scan2"]), "left_scan1 and left_scan2"),
+        (
+            ["L", "L_raw", "C", "C_raw", "R", "R_raw"]
+                .map(str::to_owned)
+                .to_vec(),
+            "L and L_raw",
+        ),
+        (
+            ["cam0", "cam0_raw", "cam1", "cam1_raw", "cam2", "cam2_raw"]
+                .map(str::to_owned)
+                .to_vec(),
+            "cam0 and cam0_raw",
+        ),
+        (
+            ["Left", "left", "centre", "right"]
+                .map(str::to_owned)
+                .to_vec(),
+            "Left and left",
+        ),
+        (
+            ["front_left", "front_right", "rear_left", "rear_right"]
+                .map(str::to_owned)
+                .to_vec(),
+            "front_left and rear_left",
+        ),
+    ] {
+        let folders: Vec<&str> = folders.iter().map(String::as_str).collect();
+        for count in [3, 5, 12] {
+            let times: Vec<String> = (0..count).map(|time| time.to_string()).collect();
+            let times: Vec<&str> = times.iter().map(String::as_str).collect();
+            let names = grid(&times, &folders, |time, camera| {
+                format!("{camera}/{time}.png")
+            });
+            let told = Folder::with(&names).refusal();
+            let is_named = told.starts_with(&format!(
+                "~ holds two folders of one camera, {twins}: give a folder that holds one set"
+            ));
+            let is_open = told.starts_with("~ can be read as 6 cameras at");
+            assert!(
+                is_named || (is_open && twins.contains("scan")),
+                "{folders:?}: {told}"
+            );
+        }
+    }
+    // Chosen by place they go from left to right.
+    let folders = with(["*", "*_color"]);
+    let folders: Vec<&str> = folders.iter().map(String::as_str).collect();
+    let names = grid(&["0", "1", "2"], &folders, |time, camera| {
+        format!("{camera}/{time}.png")
+    });
+    let folder = Folder::with(&names);
+    let chosen = Settings {
+        views: Views::These(vec![0, 2, 4]),
+        ..folder.settings()
+    };
+    assert_eq!(
+        files(&Source::open(&chosen).unwrap())[1],
+        sides.map(|side| format!("{side}/1.png"))
+    );
+    // One camera's own folders are no times either.
+    let names = grid(&["0", "1", "2"], &["left", "left_color"], |time, camera| {
+        format!("{camera}/{time}.png")
+    });
+    let told = Folder::with(&names).refusal();
+    assert!(told.contains("2 of the at least three cameras"), "{told}");
+}
+
+#[test]
+fn two_images_of_one_camera_are_named_where_folders_are_times_or_all_lie_in_one() {
+    let names = [
+        "left",
+        "left_color",
+        "centre",
+        "centre_color",
+        "right",
+        "right_color",
+    ];
+    for name in ["*.png", "scan_0/*.png", "*_00.png"] {
+        let mut all: Vec<String> = names.iter().map(|own| name.replace('*', own)).collect();
+        if name != "*.png" {
+            all.extend(all.clone().iter().map(|own| own.replace('0', "1")));
+        }
+        let told = Folder::with(&all).refusal();
+        assert!(
+            told.contains(" two images of one camera, left"),
+            "{name}: {told}"
+        );
+    }
+    // A half step has the number of a camera, and is no other one.
+    let names = ["view1.png", "view1_5.png", "view2.png"];
+    assert_eq!(files(&Folder::with(&names).open()), [names]);
+}
+
+#[test]
+fn folders_that_have_a_side_in_common_may_be_times() {
+    let times = [
+        "center_stage_1",
+        "center_stage_2",
+        "center_stage_3",
+        "center_stage_4",
+    ];
+    for views in [["left", "centre", "right"], ["0", "1", "2"]] {
+        let names = grid(&times, &views, |time, camera| {
+            format!("{time}/{camera}.png")
+        });
+        let source = Folder::with(&names).open();
+        assert_eq!(source.layout(), Some(Layout::Times), "{views:?}");
+        assert_eq!(source.scans(), 4);
+    }
+}
+
+#[test]
+fn frames_of_one_cameras_kind_are_no_views_of_a_scene() {
+    for names in [
+        &["rgb/*.png", "depth/*.png"][..],
+        &["rgb/*.png"],
+        &["color/*.png", "depth/*.png"],
+        &["image_raw/*.png"],
+        &["infra1/*.png"],
+        &["depth/*.png"],
+        &["rgb/data/*.png"],
+        &["rgb_*.png", "depth_*.png"],
+    ] {
+        for times in [&["0", "1", "2"][..], &["7", "8", "9", "10", "11"]] {
+            let all = grid(times, names, |time, name| name.replace('*', time));
+            let folder = Folder::with(&all);
+            let told = folder.refusal();
+            assert!(
+                told.contains("can be read as the images of one camera (")
+                    && told
+                        .contains("and as the views of one scene: say which with --layout views"),
+                "{names:?}: {told}"
+            );
+        }
+    }
+    let inside = Folder::with(&["rgb/0.png", "rgb/1.png", "rgb/2.png"]);
+    assert_eq!(inside.said(Layout::Views).unwrap().scans(), 1);
+    // Two kinds are no two times.
+    let names = grid(&["0", "1", "2"], &["rgb", "ir"], |time, kind| {
+        format!("{kind}/{time}.png")
+    });
+    let told = Folder::with(&names).refusal();
+    assert!(told.contains("2 of the at least three cameras"), "{told}");
+    let names = grid(
+        &["0", "1"],
+        &["rgb", "ir", "gray", "thermal"],
+        |time, kind| format!("{kind}/{time}.png"),
+    );
+    let told = Folder::with(&names).refusal();
+    assert!(
+        told.contains("say which with --layout cameras or --layout times"),
+        "{told}"
+    );
+    // What is called after views is such, and so is what is called after nothing.
+    for names in [
+        ["rgb/left.png", "rgb/centre.png", "rgb/right.png"],
+        ["color/view0.png", "color/view1.png", "color/view2.png"],
+        ["images/0.png", "images/1.png", "images/2.png"],
+        ["frames/0.png", "frames/1.png", "frames/2.png"],
+        [
+            "color_wheel/0.png",
+            "color_wheel/1.png",
+            "color_wheel/2.png",
+        ],
+        ["gray_0.png", "gray_1.png", "gray_2.png"],
+    ] {
+        let source = Folder::with(&names).open();
+        assert_eq!(source.layout(), Some(Layout::Views), "{names:?}");
+        assert_eq!(files(&source), [names]);
+    }
+}
+
+#[test]
+fn images_deeper_than_those_that_are_taken_are_counted() {
+    let cameras = ["left", "centre", "right"];
+    let rig = grid(&["1", "2"], &cameras, |time, camera| {
+        format!("{camera}/{time}.png")
+    });
+    for (more, count) in [
+        (
+            grid(&["1", "2"], &cameras, |time, camera| {
+                format!("run2/{camera}/{time}.png")
+            }),
+            6,
+        ),
+        (
+            vec!["left/old/1.png".to_owned(), "left/old/2.png".to_owned()],
+            2,
+        ),
+        (vec!["centre/a/b/c/1.png".to_owned()], 1),
+    ] {
+        let source = Folder::with(&[rig.clone(), more.clone()].concat()).open();
+        assert_eq!(source.layout(), Some(Layout::Cameras), "{more:?}");
+        assert_eq!(source.scans(), 2);
+        let (images, lie) = match count {
+            1 => ("image", "lies"),
+            _ => ("images", "lie"),
+        };
+        let said = format!("{count} {images} that {lie} elsewhere in ");
+        let warnings = source.warnings();
+        assert!(
+            warnings.iter().any(|warning| warning.starts_with(&said)),
+            "{more:?}: {warnings:?}"
+        );
+    }
+    // Beside a folder that holds all that is read, too.
+    let views = cameras
+        .map(|camera| format!("images/{camera}.png"))
+        .to_vec();
+    let deeper = grid(&["1", "2"], &cameras, |time, camera| {
+        format!("run2/{camera}/{time}.png")
+    });
+    let source = Folder::with(&[views, deeper].concat()).open();
+    let said = "6 images that lie elsewhere in ";
+    let warnings = source.warnings();
+    assert!(
+        warnings.iter().any(|warning| warning.starts_with(said)),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn times_of_which_a_few_are_the_same_by_chance_go_together_by_the_nearest() {
+    let at = |camera: usize, time: usize| 50 * time + if time > 0 { camera } else { 0 };
+    type Name = fn(usize, usize) -> String;
+    let cases: [Name; 8] = [
+        |camera, at| format!("cam{camera}/{at}.png"),
+        |camera, at| format!("cam{camera}/{}.png", 1_700_000_000_000 + at),
+        |camera, at| format!("cam{camera}/0.{:06}.png", 1000 * at),
+        |camera, at| format!("cam{camera}/shot_{camera}_{at}.png"),
+        |camera, at| format!("cam{camera}_{at}.png"),
+        |camera, at| format!("{at}_cam{camera}.png"),
+        |camera, at| format!("cam{camera}_{}.png", 1_700_000_000_000 + at),
+        |camera, at| format!("cam{camera}_0.{:06}.png", 1000 * at),
+    ];
+    for (number, name) in cases.into_iter().enumerate() {
+        for count in [3, 6] {
+            let all = (0..count).flat_map(|time| (0..3).map(move |camera| (camera, time)));
+            let names: Vec<String> = all
+                .map(|(camera, time)| name(camera, at(camera, time)))
+                .collect();
+            let source = Folder::with(&names).open();
+            assert_eq!(
+                source.scans(),
+                count as u64,
+                "case {number}: {:?}",
+                source.warnings()
+            );
+            assert_eq!(
+                files(&source)[2],
+                [0, 1, 2].map(|camera| name(camera, at(camera, 2))),
+                "case {number}"
+            );
+            assert!(
+                source.notices().contains(
+                    &"images are put together by the times they are called after".to_owned()
+                ),
+                "case {number}"
+            );
+        }
+    }
+    // Half of them are the same: the others are near, too.
+    let at = |camera: usize, time: usize| 50 * time + if time % 3 == 2 { camera } else { 0 };
+    let all = (0..9).flat_map(|time| (0..3).map(move |camera| (camera, time)));
+    let names: Vec<String> = all
+        .map(|(camera, time)| format!("cam{camera}/{}.png", at(camera, time)))
+        .collect();
+    assert_eq!(Folder::with(&names).open().scans(), 9);
+    // Frames that are counted one by one, of which some are missing, go by their names.
+    let mut names = grid(
+        &["1", "2", "3", "4", "5"],
+        &["cam0", "cam1", "cam2"],
+        |time, camera| format!("{camera}/{time}.png"),
+    );
+    names.retain(|name| name != "cam0/2.png" && name != "cam1/4.png");
+    let source = Folder::with(&names).open();
+    assert_eq!(source.scans(), 3);
+    assert_eq!(
+        files(&source)[1],
+        ["cam0/3.png", "cam1/3.png", "cam2/3.png"]
+    );
+}
+
+#[test]
+fn a_side_in_what_all_names_have_is_none_of_the_cameras() {
+    for names in [
+        [
+            "right_arm_left.png",
+            "right_arm_center.png",
+            "right_arm_right.png",
+        ],
+        ["left_left.png", "left_mid.png", "left_right.png"],
+    ] {
+        assert_eq!(files(&Folder::with(&names).open()), [names]);
+    }
+    let names = grid(
+        &["1", "2", "3"],
+        &["left_arm_left", "left_arm_center", "left_arm_right"],
+        |time, camera| format!("{camera}/{time}.png"),
+    );
+    let source = Folder::with(&names).open();
+    assert_eq!(source.layout(), Some(Layout::Cameras));
+    assert_eq!(
+        files(&source)[0],
+        [
+            "left_arm_left/1.png",
+            "left_arm_center/1.png",
+            "left_arm_right/1.png"
+        ]
+    );
+    assert_eq!(
+        source
+            .views(0)
+            .into_iter()
+            .map(|view| view.name)
+            .collect::<Vec<_>>(),
+        files(&source)[0],
+        "files of one name are named with their folder"
+    );
+}
+
+#[test]
+fn accents_are_the_same_in_whichever_way_a_system_writes_them() {
+    // As one sign, and as a letter with a mark.
+    let (composed, marked) = (
+        ["v\u{e4}nster", "mitten", "h\u{f6}ger"],
+        ["va\u{308}nster", "mitten", "ho\u{308}ger"],
+    );
+    for cameras in [composed, marked] {
+        let names = cameras.map(|camera| format!("{camera}.png"));
+        let source = Folder::with(&names).open();
+        assert_eq!(source.views(0)[0].name, names[0]);
+        let names = grid(&["sk\u{e5}l", "a"], &cameras, |time, camera| {
+            let time = match camera {
+                "mitten" => time.replace('\u{e5}', "a\u{30a}"),
+                _ => time.to_owned(),
+            };
+            format!("{camera}/{time}.png")
+        });
+        let source = Folder::with(&names).open();
+        assert_eq!(source.layout(), Some(Layout::Cameras));
+        assert_eq!(source.scans(), 2, "{:?}", source.warnings());
+    }
+}
+
+#[test]
+fn animations_and_pnm_files_of_several_pictures_say_that_the_first_is_taken() {
+    let pixels = vec![7; (SIZE.0 * SIZE.1) as usize];
+    let pgm = [
+        format!("P5\n# a camera's\n{} {}\n255\n", SIZE.0, SIZE.1).as_bytes(),
+        &pixels,
+    ]
+    .concat();
+    let deep = [
+        format!("P5 {} {} 4095\n", SIZE.0, SIZE.1).as_bytes(),
+        &pixels,
+        &pixels,
+    ]
+    .concat();
+    let pam = format!(
+        "P7\nWIDTH {}\nHEIGHT {}\nDEPTH 1\nMAXVAL 255\nTUPLTYPE GRAYSCALE\nENDHDR\n",
+        SIZE.0, SIZE.1
+    );
+    let pam = [pam.as_bytes(), &pixels].concat();
+    let apng = |frames: u32| {
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, SIZE.0, SIZE.1);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_animated(frames, 0).unwrap();
+        let mut writer = encoder.write_header().unwrap();
+        (0..frames).for_each(|_| writer.write_image_data(&pixels).unwrap());
+        writer.finish().unwrap();
+        file
+    };
+    for (ending, one, several) in [
+        ("pgm", pgm.clone(), [pgm.clone(), pgm.clone()].concat()),
+        ("pgm", deep.clone(), [&deep[..], b"\n", &deep[..]].concat()),
+        ("pnm", pam.clone(), [pam.clone(), pam].concat()),
+        ("png", apng(1), apng(2)),
+    ] {
+        for (bytes, is_several) in [(one, false), (several, true)] {
+            let folder = Folder(TempDir::new().unwrap());
+            for side in ["left", "centre", "right"] {
+                fs::write(folder.path().join(format!("{side}.{ending}")), &bytes).unwrap();
+            }
+            let said = format!(
+                "left.{ending} holds several pictures, of which the first is taken: save each in a file of its own"
+            );
+            let source = folder.open();
+            assert_eq!(source.warnings().contains(&said), is_several, "{said}");
+        }
+    }
+}

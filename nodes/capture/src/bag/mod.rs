@@ -22,6 +22,7 @@ mod wire;
 use std::path::{Path, PathBuf};
 
 use messages::synchronisation::Synchronisation;
+use messages::words::counted;
 use messages::{Rig, Size};
 
 use crate::error::SourceError;
@@ -278,7 +279,7 @@ impl Bag {
             asked: asked.clone(),
             seen: Vec::new(),
         };
-        let looked = files.visit(&mut topics, &mut survey).map_err(wrong)?;
+        let mut looked = files.visit(&mut topics, &mut survey).map_err(wrong)?;
         let is_own = |topic: &Topic| topic.schema.starts_with("tricurve.");
         if looked.is_own || topics.iter().any(is_own) {
             return Err(SourceError::OwnRecording {
@@ -310,6 +311,15 @@ impl Bag {
         let numbers: Vec<usize> = order.iter().map(|&view| chosen[view as usize]).collect();
         let infos = infos(&topics, &survey);
         let places = places(&topics, &mut survey, asked.as_ref());
+        if let (Some(asked), Some(places)) = (&asked, &places)
+            && places.damaged > 0
+        {
+            looked.damage(format!(
+                "{} of {} cannot be read",
+                counted(places.damaged, "message"),
+                asked.topic
+            ));
+        }
         let mut images = Vec::new();
         let mut views = Vec::new();
         for (&number, &view) in numbers.iter().zip(&order) {
@@ -341,7 +351,8 @@ impl Bag {
         }
         for (images, view) in images.iter().zip(&views) {
             if let Some(why) = &images.why {
-                warnings.push(format!(
+                looked.messages = looked.messages.saturating_sub(images.damaged);
+                looked.damage(format!(
                     "{} of {} images on {} cannot be used; the first: {why}",
                     images.damaged,
                     images.damaged + images.resized + images.frames.len() as u64,
@@ -349,6 +360,7 @@ impl Bag {
                 ));
             }
         }
+        warnings.extend(files.unread());
         let (found, account, why) = scans(&images, settings.tolerance, &names);
         let Some((_, first)) = found.first() else {
             return Err(wrong(format!("no scan is complete: {why}")));
@@ -727,8 +739,9 @@ fn remark(account: &Synchronisation) -> Option<String> {
         .collect();
     (!lost.is_empty()).then(|| {
         format!(
-            "{} scans are complete, and images are in none: {}; tolerance {} ms, set capture.tolerance",
-            account.scans,
+            "{} {} complete, and images are in none: {}; tolerance {} ms, set capture.tolerance",
+            counted(account.scans, "scan"),
+            if account.scans == 1 { "is" } else { "are" },
             lost.join(", "),
             account.tolerance_ms
         )
@@ -756,8 +769,8 @@ fn start(first: &Frame, notices: &mut Vec<String>) -> Option<u64> {
 fn damage(looked: &Looked) -> Option<String> {
     (!looked.damages.is_empty()).then(|| {
         format!(
-            "the bag is damaged, {} messages of it can be read: {}",
-            looked.messages,
+            "the bag is damaged, {} of it can be read: {}",
+            counted(looked.messages, "message"),
             looked.damages.join("; ")
         )
     })

@@ -215,7 +215,6 @@ impl Along {
         frames: &[(u64, u64)],
         camera: &str,
     ) -> Result<Self, Why> {
-        let damaged = places.damaged;
         let path = path(asked, places, camera)?;
         let (mut kept, mut found) = (Vec::new(), Vec::new());
         let time = |&(stamp, log): &(u64, u64)| if path.is_by_log { log } else { stamp };
@@ -238,9 +237,6 @@ impl Along {
                 "{} of {count} frames were taken before or after {topic} says where, and are left out",
                 count - found.len()
             ));
-        }
-        if damaged > 0 {
-            warnings.push(format!("{damaged} messages of {topic} cannot be read"));
         }
         let moving = path.links.iter().max_by_key(|link| link.0.len());
         if let Some(link) = moving {

@@ -150,6 +150,8 @@ pub(super) struct Files {
     files: Vec<(PathBuf, Stored)>,
     /// What was found amiss before any message was read.
     damages: Vec<String>,
+    /// Those that lie in its folder, and that what rosbag2 says of it does not name.
+    unnamed: Vec<String>,
     /// How many messages there should be, by topic, and in all.
     told: Option<Told>,
 }
@@ -231,6 +233,7 @@ impl Files {
             return Ok(Self {
                 files: vec![(path.to_owned(), stored(path)?)],
                 damages: Vec::new(),
+                unnamed: Vec::new(),
                 told: None,
             });
         }
@@ -272,12 +275,32 @@ impl Files {
                 None => damages.push(format!("{name}, which {METADATA} names, is missing")),
             }
         }
-        if named.as_ref().is_none_or(Vec::is_empty) {
-            paths = files_in(path).map_err(io)?;
+        let mut unnamed = Vec::new();
+        match named.as_ref().is_none_or(Vec::is_empty) {
+            true => paths = files_in(path).map_err(io)?,
+            false => {
+                // A file that was unpacked may still lie there as it was.
+                let is_known = |file: &PathBuf| {
+                    let twin = packed_twin(file);
+                    let is_twin = |known: &PathBuf| packed_twin(known).as_ref() == Some(file);
+                    paths.contains(file)
+                        || twin.is_some_and(|twin| paths.contains(&twin))
+                        || paths.iter().any(is_twin)
+                };
+                let others = files_in(path).map_err(io)?.into_iter();
+                let others = others.filter(|file| !is_known(file));
+                unnamed.extend(others.map(|file| folder::name(&file)));
+            }
         }
         if paths.is_empty() {
             return Err(match damages.first() {
-                Some(damage) if named.is_some() => format!("{damage}, and nothing else is there"),
+                Some(damage) if named.is_some() => match unnamed.is_empty() {
+                    true => format!("{damage}, and nothing else is there"),
+                    false => format!(
+                        "{damage}; give {} itself if that is meant",
+                        unnamed.join(" or ")
+                    ),
+                },
                 _ => "it holds no .mcap and no .db3 file".to_owned(),
             });
         }
@@ -295,10 +318,25 @@ impl Files {
             false => Ok(Self {
                 files,
                 damages,
+                unnamed,
                 told,
             }),
             true => Err(damages.join("; ")),
         }
+    }
+
+    /// What is to be said of files that are not read.
+    pub(super) fn unread(&self) -> Option<String> {
+        let (is, it) = match self.unnamed.len() {
+            0 => return None,
+            1 => ("is", "it"),
+            _ => ("are", "each"),
+        };
+        Some(format!(
+            "{} {is} not read, for {METADATA} does not name {}: give {it} by itself, or run `ros2 bag reindex`",
+            self.unnamed.join(", "),
+            if is == "is" { "it" } else { "them" }
+        ))
     }
 
     /// Goes through all messages once.

@@ -5,6 +5,7 @@ use glam::{DMat3, DVec3};
 
 use super::node::Node;
 use super::{Mount, Mounted, Why, entry, pose};
+use crate::names;
 use crate::settings::LensModel;
 
 /// A camera's name and its map.
@@ -13,7 +14,7 @@ pub(super) type Entry = (String, Node);
 /// Where a list or a map of cameras stands.
 const LISTS: [&str; 4] = ["cameras", "Cameras", "sensors", "camera"];
 
-/// The cameras' maps in a file, in its order, where it has them.
+/// The cameras' maps in a file, numbered ones in the order of their numbers and others in its own, where it has them.
 pub(super) fn within(file: &Node) -> Option<Vec<Entry>> {
     if let Some(entries) = stacked(file) {
         return Some(entries);
@@ -31,12 +32,21 @@ pub(super) fn within(file: &Node) -> Option<Vec<Entry>> {
         map @ Node::Map(_) if !entry::is_camera(map) => Some(map.entries().to_vec()),
         _ => None,
     });
+    let is_list = |key: &str| matches!(file.get(key), Some(Node::List(_)));
+    let is_map = !LISTS.iter().any(|key| is_list(key));
     let found = inner.unwrap_or_else(|| file.entries().to_vec());
-    let found: Vec<Entry> = found
+    let mut found: Vec<Entry> = found
         .into_iter()
         .filter(|(_, node)| entry::is_camera(node))
         .collect();
+    if is_map && found.iter().all(|(name, _)| is_numbered(name)) {
+        names::sort(&mut found, |(name, _)| name.clone());
+    }
     (!found.is_empty()).then_some(found)
+}
+
+fn is_numbered(name: &str) -> bool {
+    name.contains(|c: char| c.is_ascii_digit())
 }
 
 /// The cameras of stacked matrices: `Ks`, `distortions`, `Rs` or `rvecs`, and `Ts`.
@@ -97,8 +107,7 @@ pub(super) fn cameras(entries: &[Entry], lens: Option<LensModel>) -> Result<Vec<
 
 /// The cameras from left to right, where their names do not number them.
 pub(super) fn in_row(mounted: Vec<Mounted>) -> Vec<Mounted> {
-    let is_numbered = |one: &Mounted| one.name.contains(|c: char| c.is_ascii_digit());
-    match mounted.iter().any(is_numbered) {
+    match mounted.iter().any(|one| is_numbered(&one.name)) {
         true => mounted,
         false => from_left(mounted),
     }

@@ -17,8 +17,8 @@ const ALONG_M: [f64; 2] = [1e-4, 10.0];
 /// P[3] that may be a baseline in metres, and how near to each other cameras then seem to stand.
 const BARE_P3: (f64, f64) = (2.0, 0.005);
 /// Focal lengths as a part of the picture's width: below the first it would show 157° and more of a plane, which no
-/// rectified picture does; beyond the second less than 1.1°.
-const FOCAL: [f64; 2] = [0.1, 50.0];
+/// rectified picture does; beyond the second less than 3°, which only lenses of half a metre do.
+const FOCAL: [f64; 2] = [0.1, 19.0];
 /// The same for a fisheye, which may show everything before it in a part of its picture.
 const FISHEYE_FOCAL: f64 = 0.03;
 /// How far a principal point of rectified pictures may lie from their middle, as a part of their sides, before that is told:
@@ -148,7 +148,7 @@ pub(crate) fn focal(focal_px: f64, size: Size, what: &str) -> Option<Doubt> {
     }
     (focal_px > most * width).then(|| {
         Doubt::Told(format!(
-            "{what} is {focal_px} px, at which pictures of {} columns show {degrees:.2}° only: is it in pixels of these pictures?",
+            "{what} is {focal_px} px, at which pictures of {} columns show {degrees:.1}° only: is it in pixels of these pictures?",
             size.width
         ))
     })
@@ -292,7 +292,13 @@ mod tests {
             assert_eq!(focal(f, size, "f"), None);
         }
         assert!(sentence(focal(8.0, size, "f")).contains("is it in millimetres?"));
-        assert!(sentence(focal(64_000.0, size, "f")).contains("only"));
+        for narrow in [20_000.0, 64_000.0] {
+            assert!(
+                sentence(focal(narrow, size, "f")).contains("° only"),
+                "{narrow}"
+            );
+        }
+        assert_eq!(focal(12_000.0, size, "f"), None, "3°, as of a long lens");
         assert_eq!(centre([319.5, 239.5], size, "c"), None);
         assert_eq!(centre([500.0, 300.0], size, "c"), None);
         assert!(sentence(centre([640.0, 480.0], size, "c")).starts_with("c is 640, 480"));

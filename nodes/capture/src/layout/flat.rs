@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::stamp;
+use super::{stamp, together};
 use crate::names::{self, Counts, Field};
 
 /// A field of names that may tell cameras from each other.
@@ -81,7 +81,10 @@ pub(super) fn split(stems: &[String]) -> Result<Option<Vec<(String, String)>>, [
                 Counts::Unknown => 0,
             },
         };
-        if !(is_rig(&parts) || (says > 0 && are_stamped(&parts, &without(stems, &all, field)))) {
+        let is_rig = is_rig(&parts)
+            || (says > 0 && are_stamped(&parts, &without(stems, &all, field)))
+            || (says > 1 && are_near(&parts, stems));
+        if !is_rig {
             continue;
         }
         candidates.push(Candidate {
@@ -162,6 +165,18 @@ fn are_stamped(parts: &[(String, String)], stems: &[String]) -> bool {
         && is_several
         && parts.iter().all(|(camera, _)| !camera.is_empty())
         && stems.iter().all(|stem| stamp::is_sure(stem))
+}
+
+/// Whether these are cameras whose images are numbered so that most are near others', and not near each other.
+fn are_near(parts: &[(String, String)], stems: &[String]) -> bool {
+    let mut by_camera: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for ((camera, _), stem) in parts.iter().zip(stems) {
+        by_camera.entry(camera).or_default().push(stem.clone());
+    }
+    let names: Vec<Vec<String>> = by_camera.into_values().collect();
+    let is_several = names.len() > 1 && names.iter().all(|own| own.len() > 1);
+    let numbers = || stamp::numbers(&names);
+    is_several && numbers().is_some_and(|numbers| together::nearest(&numbers).is_some())
 }
 
 /// Names without the serial number that stands in a field, for it is no part of the time.

@@ -8,33 +8,43 @@ use super::{Inner, Layout, Named, Table, shown, stamp, stem};
 use crate::aside::Aside;
 use crate::error::SourceError;
 use crate::folder::{self, Listing};
-use crate::names::{self, Counts, Field};
+use crate::names::{self, Counts, Field, Whose};
 
-/// The folders in a folder that hold images; some recorders put those in a further folder inside, as in `cam0/data`.
-pub(super) fn inner(listing: &Listing, aside: &mut Aside) -> Result<Inner, SourceError> {
-    let mut inner = Vec::new();
+/// The folders in a folder that hold images; some recorders put those in a further folder inside, as in `cam0/data`. And
+/// those deeper down that are not looked into.
+pub(super) fn inner(
+    listing: &Listing,
+    aside: &mut Aside,
+) -> Result<(Inner, Vec<PathBuf>), SourceError> {
+    let (mut inner, mut deeper) = (Vec::new(), Vec::new());
     for folder in &listing.folders {
         let mut images = Listing::read(folder)?;
         aside.add(images.aside.clone());
-        if images.images.is_empty() && !folder::is_described(folder)? {
+        let is_described = folder::is_described(folder)?;
+        if images.images.is_empty() && !is_described {
             let inside: Vec<Listing> = images
                 .folders
                 .iter()
                 .map(|folder| Listing::read(folder))
                 .collect::<Result<_, _>>()?;
-            let mut with = inside
-                .into_iter()
-                .filter(|inside| !inside.images.is_empty());
+            let mut with = (0..inside.len()).filter(|&at| !inside[at].images.is_empty());
             if let (Some(only), None) = (with.next(), with.next()) {
+                images.folders.remove(only);
+                let only = inside.into_iter().nth(only).unwrap_or_default();
                 aside.add(only.aside.clone());
-                images = only;
+                images.folders.extend(only.folders);
+                images.images = only.images;
             }
         }
-        if !images.images.is_empty() || folder::is_described(folder)? {
+        if !images.images.is_empty() || is_described {
             inner.push((folder.clone(), images.images));
         }
+        // What is described says itself what is a view.
+        if !is_described {
+            deeper.extend(images.folders);
+        }
     }
-    Ok(inner)
+    Ok((inner, deeper))
 }
 
 /// The images of several folders, of which each is a camera's or a time's.
@@ -82,18 +92,27 @@ fn of_cameras(folder: &Path, names: &[String], inner: &Inner) -> Table {
         Table::of(folder, Layout::Cameras, named)
     };
     let mut by_stem = table(&stems);
-    let is_by_stem = by_stem.has_whole() && shared(&stems) >= MOSTLY;
-    if is_by_stem || by_stem.put_together_by_stamp() {
+    if by_stem.has_whole() && shared(&stems) >= MOSTLY {
+        by_stem.put_together_by_time(false);
+        return by_stem;
+    }
+    if by_stem.put_together_by_time(true) {
         return by_stem;
     }
     // Cameras may put words of their own around what they share.
     let all = [Some(stems), numbers(inner), varying(inner)];
-    let mut all: Vec<Vec<Vec<String>>> = all.into_iter().flatten().collect();
-    let best = (0..all.len())
-        .find(|&at| shared(&all[at]) >= MOSTLY)
-        .or_else(|| (0..all.len()).find(|&at| shared(&all[at]) > 0.0));
-    if let Some(best) = best {
-        return table(&all.swap_remove(best));
+    let all: Vec<Vec<Vec<String>>> = all.into_iter().flatten().collect();
+    if let Some(most) = all.iter().find(|keys| shared(keys) >= MOSTLY) {
+        let mut table = table(most);
+        table.put_together_by_time(false);
+        return table;
+    }
+    // A few that are alike are so by chance.
+    if by_stem.put_together_by_time(false) {
+        return by_stem;
+    }
+    if let Some(some) = all.iter().find(|keys| shared(keys) > 0.0) {
+        return table(some);
     }
     by_stem.put_together_by_order();
     by_stem
@@ -192,14 +211,19 @@ fn are_cameras(folder: &Path, inner: &Inner) -> Result<bool, SourceError> {
             return Ok(false);
         }
     }
-    let folders: Vec<String> = inner.iter().map(|(path, _)| folder::name(path)).collect();
+    let folders: Vec<String> = inner
+        .iter()
+        .map(|(path, _)| shown(&folder::name(path)))
+        .collect();
     // All images of a folder name one side, and those of the others another one.
-    if split(inner).is_some_and(|split| names::are_sides(&split.common)) {
+    let common = split(inner).map(|split| split.common);
+    if common.as_ref().is_some_and(|own| names::are_sides(own)) {
         return Ok(true);
     }
-    let by_folder = match names::beside_sides(&folders) {
-        Some(_) => Counts::Cameras,
-        None => call(&folders, true),
+    let whose = names::whose(&folders, true);
+    let by_folder = match (names::beside_sides(&folders), call(&folders, true)) {
+        (Some(_), _) => Counts::Cameras,
+        (None, counts) => counts,
     };
     let by_image: Vec<Counts> = inner
         .iter()
@@ -227,6 +251,25 @@ fn are_cameras(folder: &Path, inner: &Inner) -> Result<bool, SourceError> {
         second: format!("{} times of {most} cameras, a folder a time", inner.len()),
         say: "--layout cameras or --layout times",
     };
+    // Folders that are called after cameras are never times, unless what they hold is too.
+    let is_named = whose.is_some() || names::are_one_cameras(&folders);
+    match (by_folder, is_named && !all(Counts::Cameras)) {
+        (Counts::Unknown, true) => return Ok(true),
+        (Counts::Times, true) => return Err(readings()),
+        _ => {}
+    }
+    if by_folder == Counts::Unknown
+        && whose.is_none()
+        && let Some(common) = common
+        && let Some(Whose::Twins(twins)) = names::whose(&common, false)
+    {
+        return Err(SourceError::Twins {
+            path: folder.to_owned(),
+            what: "folders",
+            names: twins.map(|twin| folders[twin].clone()),
+        });
+    }
+    let are_kinds = folders.iter().all(|name| names::kind(name).is_some());
     match (by_folder, all(Counts::Cameras), all(Counts::Times)) {
         (Counts::Cameras, false, _) => Ok(true),
         (Counts::Times, _, false) => Ok(false),
@@ -234,10 +277,11 @@ fn are_cameras(folder: &Path, inner: &Inner) -> Result<bool, SourceError> {
         (Counts::Unknown, _, true) => Ok(true),
         // Names say nothing. A rig has fewer cameras than times, and a scene few views.
         (Counts::Unknown, false, false) => match inner.len() {
+            0..3 if are_kinds => Ok(true),
             0..3 if least >= 3 && most < MANY => Ok(false),
             0..3 => Ok(true),
             _ if most == 1 => Ok(true),
-            folders if folders > most && (most > 2 || folders >= MANY) => Ok(false),
+            folders if !are_kinds && folders > most && (most > 2 || folders >= MANY) => Ok(false),
             folders if folders < most && most >= MANY => Ok(true),
             _ => Err(readings()),
         },

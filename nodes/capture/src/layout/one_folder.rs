@@ -58,9 +58,7 @@ pub(super) fn read(
         let each = parts.into_iter().zip(images);
         let named = each.map(|((camera, time), image)| (camera, time, image.into()));
         let mut table = Table::of(folder, Layout::Flat, named.collect());
-        if !table.has_whole() {
-            table.put_together_by_stamp();
-        }
+        table.put_together_by_time(false);
         return Ok(table);
     }
     if said == Some(Layout::Flat) {

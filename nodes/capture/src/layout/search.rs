@@ -19,7 +19,7 @@ impl Table {
         let mut folder = path.to_owned();
         let mut listing = Listing::read(&folder)?;
         let mut aside = listing.aside.clone();
-        let mut inner = folders::inner(&listing, &mut aside)?;
+        let (mut inner, mut deeper) = folders::inner(&listing, &mut aside)?;
         // Some recorders put folders of their own around everything.
         while listing.images.is_empty() && !folder::is_described(&folder)? {
             let is_said = matches!(said, Some(Layout::Cameras | Layout::Times));
@@ -38,7 +38,10 @@ impl Table {
             folder = only;
             listing = Listing::read(&folder)?;
             aside.add(listing.aside.clone());
-            inner = folders::inner(&listing, &mut aside)?;
+            deeper.retain(|other| !other.starts_with(&folder));
+            let (own, more) = folders::inner(&listing, &mut aside)?;
+            inner = own;
+            deeper.extend(more);
         }
         let (here, below) = (
             listing.images.len(),
@@ -66,12 +69,20 @@ impl Table {
                 },
             });
         }
+        let mut left = MOST_FOLDERS;
+        let deeper = deeper
+            .iter()
+            .map(|inside| count(inside, DEEPEST, &mut left));
+        let deeper: usize = match folder::is_described(&folder)? {
+            true => 0,
+            false => deeper.sum(),
+        };
         let table = match is_here {
             true => one_folder::read(&folder, listing.images, said)?,
             false => folders::read(&folder, inner, said)?,
         };
         Ok(Self {
-            ignored: if is_here { below } else { here },
+            ignored: deeper + if is_here { below } else { here },
             aside,
             ..table
         })
@@ -106,6 +117,22 @@ fn holds(folder: &Path, deeper: usize, left: &mut usize) -> Option<PathBuf> {
     let deeper = deeper.checked_sub(1)?;
     let mut inside = listing.folders.iter();
     inside.find_map(|folder| holds(folder, deeper, left))
+}
+
+/// How many images a folder and those inside it hold.
+fn count(folder: &Path, deeper: usize, left: &mut usize) -> usize {
+    let (Some(rest), Some(deeper)) = (left.checked_sub(1), deeper.checked_sub(1)) else {
+        return 0;
+    };
+    *left = rest;
+    let Ok(listing) = Listing::unsorted(folder) else {
+        return 0;
+    };
+    let inside = listing.folders.iter();
+    listing.images.len()
+        + inside
+            .map(|inside| count(inside, deeper, left))
+            .sum::<usize>()
 }
 
 /// Images in folders of several folders.

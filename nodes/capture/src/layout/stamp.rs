@@ -21,6 +21,44 @@ pub(super) fn is_sure(name: &str) -> bool {
     date(name).is_some() || runs.iter().filter(is_age).count() == 1
 }
 
+/// The one number in which the names of each camera's images differ, with what follows its point.
+pub(super) fn numbers(names: &[Vec<String>]) -> Option<Vec<Vec<f64>>> {
+    let all: Vec<Vec<Vec<f64>>> = names
+        .iter()
+        .map(|own| own.iter().map(|name| decimals(name)).collect())
+        .collect();
+    let first = all.first()?.first()?.len();
+    if all.iter().flatten().any(|own| own.len() != first) {
+        return None;
+    }
+    let varies = |at: &usize| {
+        let mut cameras = all.iter();
+        cameras.any(|own| own.iter().any(|numbers| numbers[*at] != own[0][*at]))
+    };
+    let mut varying = (0..first).filter(varies);
+    let (at, None) = (varying.next()?, varying.next()) else {
+        return None;
+    };
+    let of = |own: &Vec<Vec<f64>>| own.iter().map(|numbers| numbers[at]).collect();
+    Some(all.iter().map(of).collect())
+}
+
+/// The numbers in a name; two runs of digits with a point between them are one.
+fn decimals(name: &str) -> Vec<f64> {
+    let runs = runs(name);
+    let mut found = Vec::new();
+    let mut at = 0;
+    while let Some((digits, _)) = runs.get(at) {
+        let fraction = runs
+            .get(at + 1)
+            .filter(|(_, is_after_point)| *is_after_point);
+        let text = fraction.map_or((*digits).to_owned(), |(more, _)| format!("{digits}.{more}"));
+        found.extend(text.parse::<f64>());
+        at += 1 + usize::from(fraction.is_some());
+    }
+    found
+}
+
 /// Runs of digits in a name, and whether a point stands before each.
 fn runs(name: &str) -> Vec<(&str, bool)> {
     let mut found = Vec::new();

@@ -8,14 +8,18 @@ use super::{Piece, Table, Time, Together, stamp, stem};
 impl Table {
     /// Whether all cameras took an image at any time.
     pub(super) fn has_whole(&self) -> bool {
-        let is_whole = |time: &Time| time.images.iter().all(Option::is_some);
-        self.times.iter().any(is_whole)
+        whole(&self.times) > 0
     }
 
-    /// Puts images together that are called after the time they were taken at, where they are; whether they are.
-    pub(super) fn put_together_by_stamp(&mut self) -> bool {
+    /// Puts images together that are called after the time they were taken at, where they are and more go together so than
+    /// by name; whether they are. Only dates and long numbers are surely times.
+    pub(super) fn put_together_by_time(&mut self, is_sure: bool) -> bool {
+        if whole(&self.times) == self.times.len() {
+            return false;
+        }
         let by_camera = self.by_camera();
-        let Some(times) = by_stamp(&by_camera) else {
+        let times = by_time(&by_camera, is_sure).filter(|times| whole(times) > whole(&self.times));
+        let Some(times) = times else {
             return false;
         };
         let taken: BTreeSet<&Path> = times
@@ -65,38 +69,71 @@ impl Table {
 
 /// The images of several cameras, called after the time they were taken at: each with those nearest to it, and of them the
 /// whole ones. `None` where their names are no such times.
-fn by_stamp(by_camera: &[Vec<Piece>]) -> Option<Vec<Time>> {
-    let stamp = |piece: &Piece| stamp::of(&stem(&piece.path));
-    let stamps: Option<Vec<Vec<f64>>> = by_camera
+fn by_time(by_camera: &[Vec<Piece>], is_sure: bool) -> Option<Vec<Time>> {
+    let names: Vec<Vec<String>> = by_camera
         .iter()
-        .map(|images| images.iter().map(stamp).collect())
+        .map(|images| images.iter().map(|piece| stem(&piece.path)).collect())
         .collect();
-    let stamps = stamps?;
-    let own = &stamps[stamps.len() / 2];
-    let mut intervals: Vec<f64> = own.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let stamps: Option<Vec<Vec<f64>>> = names
+        .iter()
+        .map(|own| own.iter().map(|name| stamp::of(name)).collect())
+        .collect();
+    let numbers = || stamp::numbers(&names).filter(|_| !is_sure);
+    let near = nearest(&stamps.or_else(numbers)?)?;
+    let time = |(name, near): (&String, Vec<Option<usize>>)| Time {
+        name: name.clone(),
+        images: near
+            .into_iter()
+            .zip(by_camera)
+            .map(|(at, images)| at.map(|at| images[at].clone()))
+            .collect(),
+    };
+    Some(names[names.len() / 2].iter().zip(near).map(time).collect())
+}
+
+/// For each time of the camera in the middle what the others took nearest to it, where that is each other's nearest and
+/// less than half an interval away; `None` where cameras hardly ever took something at one time.
+pub(super) fn nearest(stamps: &[Vec<f64>]) -> Option<Vec<Vec<Option<usize>>>> {
+    // Of each camera its times in their order, with their places.
+    let sorted: Vec<Vec<(f64, usize)>> = stamps
+        .iter()
+        .map(|own| {
+            let mut own: Vec<(f64, usize)> = own.iter().copied().zip(0..).collect();
+            own.sort_by(|a, b| a.0.total_cmp(&b.0));
+            own
+        })
+        .collect();
+    let (own, own_sorted) = (stamps.get(stamps.len() / 2)?, &sorted[sorted.len() / 2]);
+    let mut intervals: Vec<f64> = own_sorted
+        .windows(2)
+        .map(|pair| pair[1].0 - pair[0].0)
+        .collect();
     intervals.sort_by(f64::total_cmp);
     let reach = intervals.get(intervals.len() / 2)? / 2.0;
-    let nearest = |all: &[f64], at: f64| {
-        let distance = |index: &usize| (all[*index] - at).abs();
-        (0..all.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    let nearest = |all: &[(f64, usize)], at: f64| {
+        let after = all.partition_point(|(time, _)| *time < at);
+        let around = all[after.saturating_sub(1)..].iter().take(2);
+        let distance = |(time, _): &&(f64, usize)| (time - at).abs();
+        let found = around.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        found.map(|(_, index)| *index)
     };
-    let mut times = Vec::with_capacity(own.len());
-    for (number, &at) in own.iter().enumerate() {
-        let images = stamps.iter().zip(by_camera).map(|(theirs, images)| {
-            let index = nearest(theirs, at)?;
-            let is_mutual = nearest(own, theirs[index]) == Some(number);
-            (is_mutual && (theirs[index] - at).abs() < reach).then(|| images[index].clone())
-        });
-        times.push(Time {
-            name: stem(&by_camera[by_camera.len() / 2][number].path),
-            images: images.collect(),
-        });
-    }
-    // Cameras that hardly ever took something at one time did not run together.
-    let whole = times
-        .iter()
-        .filter(|time| time.images.iter().all(Option::is_some));
+    let near = |(number, &at): (usize, &f64)| -> Vec<Option<usize>> {
+        let of = |(theirs, sorted): (&Vec<f64>, &Vec<(f64, usize)>)| {
+            let index = nearest(sorted, at)?;
+            let is_mutual = nearest(own_sorted, theirs[index]) == Some(number);
+            (is_mutual && (theirs[index] - at).abs() < reach).then_some(index)
+        };
+        stamps.iter().zip(&sorted).map(of).collect()
+    };
+    let times: Vec<Vec<Option<usize>>> = own.iter().enumerate().map(near).collect();
+    let whole = times.iter().filter(|near| near.iter().all(Option::is_some));
     (2 * whole.count() >= times.len()).then_some(times)
+}
+
+/// How many of these times have an image of every camera.
+fn whole(times: &[Time]) -> usize {
+    let is_whole = |time: &&Time| time.images.iter().all(Option::is_some);
+    times.iter().filter(is_whole).count()
 }
 
 #[cfg(test)]
@@ -113,7 +150,7 @@ mod tests {
             let name = |time: u64| format!("{}.png", 1_700_000_000_000 + 100 * time + offset);
             times.map(|time| PathBuf::from(name(time)).into()).collect()
         };
-        let times = by_stamp(&[camera(0, 9), camera(3, 4), camera(7, 1)]).unwrap();
+        let times = by_time(&[camera(0, 9), camera(3, 4), camera(7, 1)], true).unwrap();
         let whole: Vec<&str> = times
             .iter()
             .filter(|time| time.images.iter().all(Option::is_some))
@@ -124,7 +161,7 @@ mod tests {
             .map(|name| PathBuf::from(name).into())
             .to_vec();
         assert!(
-            by_stamp(&[frames.clone(), frames]).is_none(),
+            by_time(&[frames.clone(), frames], true).is_none(),
             "these are numbers, not times"
         );
     }
