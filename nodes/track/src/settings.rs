@@ -16,7 +16,7 @@ messages::settings! {
         /// again in the next view grows from 0.73 to 0.84. After matching, 90 cover 0.05 more of the Canny edges
         /// than 40, with fewer wrong.
         pub tolerance_degrees: f32 = 90.0, in 0..=180;
-        /// Points a curve has at least. From 8 to 5 coverage after matching grows by 0.02, and the share wrong by more
+        /// Points a curve has at least. From 8 to 5 coverage after matching grows by 0.01, and the share wrong by more
         /// than a pixel falls.
         pub min_points: usize = 5, in 2..=100000;
     }
