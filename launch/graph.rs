@@ -465,6 +465,10 @@ pub(crate) fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), Strin
 
 /// A value as on the command line: what is no TOML is taken for a text.
 pub(crate) fn parsed(value: &str) -> Value {
+    // What is not given, so that it follows from the images; TOML has no word for it.
+    if value.trim() == "null" {
+        return Value::Null;
+    }
     let parsed = format!("v = {value}").parse::<toml::Table>().ok();
     let parsed = parsed
         .and_then(|mut table| table.remove("v"))
@@ -678,6 +682,17 @@ mod tests {
             }
         }
         assert!(read > 50 && refused > 50, "{read} read, {refused} refused");
+    }
+
+    #[test]
+    fn null_unsets_what_need_not_be_set_and_nothing_else() {
+        let of = |set: &str| {
+            let overrides = Overrides::parse(&[set.to_owned()]).unwrap();
+            Graph::load(None, Profile::Default, &overrides)
+        };
+        let graph = of("filter.smoothing=null").unwrap();
+        assert!(graph.settings_of("filter")["smoothing"].is_null());
+        assert!(of("filter.floor=null").is_err());
     }
 
     #[test]

@@ -318,7 +318,7 @@ def played(folder):
     expect('playbackControl' in viewer.info['capabilities'], 'no playback control')
     start, end = (viewer.info[key]['sec'] * 10**9 + viewer.info[key]['nsec']
                   for key in ('dataStartTime', 'dataEndTime'))
-    viewer.subscribe(['camera/left/image', 'camera/left/annotations', 'points', 'curves/left/1', 'statistics'])
+    viewer.subscribe(['camera/left/image', 'camera/left/annotations', 'points', 'curves/left/0.8', 'statistics'])
     # Paused, the first scan is there at once.
     viewer.until(lambda: len({m[0] for m in viewer.messages}) == 5, 'the first scan while it is paused')
     expect({m[1] for m in viewer.messages} == {start}, 'more than the first scan')
