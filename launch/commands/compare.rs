@@ -115,38 +115,43 @@ fn told(compared: &Comparison) -> String {
         &format!("{most:.2} px"),
         "",
     );
-    if let Some([a, b]) = &compared.truth {
-        let mut row = |name: &str, of: fn(&Truth) -> f64, digits: usize, unit: &str| {
-            let shown = |truth| format!("{:.digits$}{unit}", of(truth));
-            line(
-                name,
-                &shown(a),
-                &shown(b),
-                &signed(of(b) - of(a), digits, unit),
-            );
-        };
-        row("coverage", |truth| truth.coverage, 4, "");
-        row("bad-1.0", |truth| 100.0 * truth.bad_one, 3, " %");
-        row("bad-2.0", |truth| 100.0 * truth.bad_two, 3, " %");
-        row("median error", |truth| truth.median, 4, " px");
-    }
-    if let Some([a, b]) = &compared.maps {
-        let mut row = |name: &str, of: fn(&Mapped) -> f64, digits: usize, unit: &str| {
-            let shown = |map| format!("{:.digits$}{unit}", of(map));
-            line(
-                name,
-                &shown(a),
-                &shown(b),
-                &signed(of(b) - of(a), digits, unit),
-            );
-        };
-        row("points of the map", |map| map.points as f64, 0, "");
-        row(
-            "their σ, median",
-            |map| 1e3 * f64::from(map.sigma_m),
-            2,
-            " mm",
-        );
+    let truth = compared.truth.iter().flat_map(|[a, b]: &[Truth; 2]| {
+        [
+            ("coverage", [a.coverage, b.coverage], 4, ""),
+            (
+                "bad-1.0",
+                [a.bad_one, b.bad_one].map(|bad| 100.0 * bad),
+                3,
+                " %",
+            ),
+            (
+                "bad-2.0",
+                [a.bad_two, b.bad_two].map(|bad| 100.0 * bad),
+                3,
+                " %",
+            ),
+            ("median error", [a.median, b.median], 4, " px"),
+        ]
+    });
+    let maps = compared.maps.iter().flat_map(|maps: &[Mapped; 2]| {
+        [
+            (
+                "points of the map",
+                maps.map(|map| map.points as f64),
+                0,
+                "",
+            ),
+            (
+                "their σ, median",
+                maps.map(|map| 1e3 * f64::from(map.sigma_m)),
+                2,
+                " mm",
+            ),
+        ]
+    });
+    for (name, values, digits, unit) in truth.chain(maps) {
+        let [a, b] = values.map(|value| format!("{value:.digits$}{unit}"));
+        line(name, &a, &b, &signed(values[1] - values[0], digits, unit));
     }
     let verdict = match (compared.verdict, &compared.truth) {
         _ if compared.other_images > 0 => {

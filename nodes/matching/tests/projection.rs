@@ -352,7 +352,7 @@ fn points_lie_where_the_reference_view_saw_them_and_near_where_the_others_did() 
             let (median, most) = (off.nearest[count / 2], off.nearest[count * 99 / 100]);
             assert!(count > 20_000, "{count}");
             assert!(median < 0.1, "{reference:?}, view {view}: {median} px");
-            assert!(most < 0.55, "{reference:?}, view {view}: {most} px");
+            assert!(most < 0.52, "{reference:?}, view {view}: {most} px");
         }
     }
 }
