@@ -290,9 +290,10 @@ pub(crate) struct View {
         value_name = "VIEWER"
     )]
     pub(crate) viewer: Viewer,
-    /// Check that the recording, or the graph that runs, has all that the layout shows, and end
-    #[arg(long)]
-    pub(crate) check: bool,
+    /// Check that the recording, or the graph that runs, has all that the layout shows, and end; `--check=FILE` checks a layout
+    /// of yours
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true)]
+    pub(crate) check: Option<Option<PathBuf>>,
     /// With --check, print the result as JSON
     #[arg(long, requires = "check")]
     pub(crate) json: bool,

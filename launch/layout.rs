@@ -6,31 +6,34 @@
 
 mod check;
 mod focus;
+mod rerun;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use clap::ValueEnum;
-use messages::record::Codec;
-use messages::{Kind, Rail, Topic as DataTopic};
+use messages::record::{Codec, WHOLE};
+use messages::{Kind, Rail, Rig, Size, Topic as DataTopic};
 use serde_json::{Value, json};
 
-pub(crate) use check::{Checked, There, check};
+use check::check;
+pub(crate) use check::{Checked, There};
 pub(crate) use focus::Focus;
 
 /// The layout of a default run, as Foxglove imports it.
 const DEFAULT: &str = include_str!("layout.json");
 
 /// What it shows of the finest channel: where fields are named behind a dot, a name with a dot of its own stands in quotes.
-const FINEST: &str = r#""\"matches/0.8\"""#;
+const FINEST: &str = r#"\"matches/0.8\""#;
 
 /// The layout, as Foxglove imports it: of a run whose messages are written so, or of a default one.
 pub(crate) fn layout(codec: Option<&Codec>) -> String {
     let matches = codec.and_then(|codec| DataTopic::of(codec.rig(), Kind::Matches).pop());
     let layout = match matches {
         Some(topic) if topic.name.contains('.') => {
-            DEFAULT.replace(FINEST, &format!("\"\\\"{}\\\"\"", topic.name))
+            DEFAULT.replace(FINEST, &format!("\\\"{}\\\"", topic.name))
         }
-        Some(topic) => DEFAULT.replace(FINEST, &format!("\"{}\"", topic.name)),
+        Some(topic) => DEFAULT.replace(FINEST, &topic.name),
         None => DEFAULT.to_owned(),
     };
     match codec {
@@ -67,23 +70,37 @@ fn along_a_rail(layout: &str) -> Option<String> {
     let mut image = panels.remove("Image!centre")?;
     image["foxglovePanelTitle"] = json!(Rail::VIEW);
     panels.insert("Image!left".to_owned(), image);
-    let left = panels.keys().cloned().collect();
-    let tree = layout.get_mut("layout")?;
-    *tree = pruned(tree.take(), &left)?;
-    let panels = layout.get_mut("configById")?.as_object_mut()?;
-    let topics = panels.get_mut("3D!space")?.get_mut("topics")?;
-    let topics = topics.as_object_mut()?;
+    let space = panels.get_mut("3D!space")?;
+    let topics = space.get_mut("topics")?.as_object_mut()?;
     topics
         .retain(|name, _| !name.starts_with("camera/left/") && !name.starts_with("camera/right/"));
-    let [settled, growing] = [Kind::Map, Kind::Growing].map(Kind::name);
-    // What is settled comes once: it is to be seen as long as anybody looks.
-    for (topic, seconds) in [(settled, 1_000_000), (growing, 0)] {
+    let settled = Kind::Map.name();
+    for topic in [WHOLE, settled, Kind::Growing.name()] {
+        // What is settled comes once, and is to be seen as long as anybody looks.
+        let seconds = if topic == settled { 1_000_000 } else { 0 };
         let shown = json!({
             "visible": true, "colorField": "disparity", "colorMode": "colormap", "colorMap": "turbo", "pointSize": 2,
             "decayTime": seconds,
         });
         topics.insert(topic.to_owned(), shown);
     }
+    // The same once more, by how well distances are known.
+    let mut deviation = space.clone();
+    deviation["foxglovePanelTitle"] = json!("map by its standard deviation");
+    let topics = deviation.get_mut("topics")?.as_object_mut()?;
+    topics.retain(|name, _| name != Kind::Points.name());
+    for shown in topics.values_mut().filter(|shown| shown.get("colorField").is_some()) {
+        shown["colorField"] = json!("sigma");
+    }
+    panels.insert("3D!deviation".to_owned(), deviation);
+    let tabs = json!({ "activeTabIdx": 0, "tabs": [
+        { "title": "points in space", "layout": "3D!space" },
+        { "title": "standard deviation", "layout": "3D!deviation" },
+    ] });
+    panels.insert("Tab!space".to_owned(), tabs);
+    let text = serde_json::to_string(layout.get("layout")?).ok()?;
+    layout["layout"] = serde_json::from_str(&text.replace("3D!space", "Tab!space")).ok()?;
+    keep(&mut layout, |_| true);
     serde_json::to_string_pretty(&layout).ok()
 }
 
@@ -95,10 +112,12 @@ pub(crate) enum Viewer {
     Foxglove,
     /// Lichtblick, which took Foxglove's open part further
     Lichtblick,
+    /// Rerun, whose layout is a script in Python
+    Rerun,
 }
 
 /// The panels that layouts have, as Foxglove calls them and as Lichtblick does.
-const PANELS: [(&str, &str); 7] = [
+const PANELS: [(&str, &str); 9] = [
     ("3D", "3D"),
     ("Image", "Image"),
     ("Log", "RosOut"),
@@ -106,6 +125,8 @@ const PANELS: [(&str, &str); 7] = [
     ("Plot", "Plot"),
     ("RawMessages", "RawMessages"),
     ("StateTransitions", "StateTransitions"),
+    ("Tab", "Tab"),
+    ("Table", "Table"),
 ];
 
 /// The key of a panel's title, likewise.
@@ -118,11 +139,30 @@ fn is_of_graphs(panel: &str) -> bool {
     OF_GRAPHS.iter().any(|name| panel.starts_with(name))
 }
 
+/// Panels whose topics a recording has where it was asked for them.
+const ASKED_FOR: [&str; 2] = ["Image!error", "Image!confidence"];
+
+/// Panels of what changes from scan to scan, and …
+const OF_SCANS: [&str; 2] = ["Plot!found", "Plot!latency"];
+/// … of a single scan, the first of which is worth its place beside those too.
+const OF_A_SCAN: [&str; 2] = ["Plot!disparities", "Plot!surest"];
+/// Fewer scans make no curve.
+const FEW: usize = 5;
+
+/// Whether there is room for a panel beside the others: of so many scans, of a graph without end.
+fn has_room(panel: &str, scans: Option<usize>) -> bool {
+    match scans {
+        None => !OF_A_SCAN.contains(&panel),
+        Some(scans) if scans < FEW => !OF_SCANS.contains(&panel),
+        Some(_) => panel != OF_A_SCAN[1],
+    }
+}
+
 impl Viewer {
     /// Its own one of the two names of a thing.
     fn own(self, (foxglove, lichtblick): (&'static str, &'static str)) -> &'static str {
         match self {
-            Self::Foxglove => foxglove,
+            Self::Foxglove | Self::Rerun => foxglove,
             Self::Lichtblick => lichtblick,
         }
     }
@@ -154,14 +194,22 @@ pub(crate) struct Wanted<'a> {
     pub(crate) recording: Option<&'a There>,
     /// Where to look.
     pub(crate) focus: Option<&'a Focus>,
+    /// The file that a script opens.
+    pub(crate) file: Option<&'a Path>,
     pub(crate) viewer: Viewer,
 }
 
 impl Wanted<'_> {
     /// The layout, to be imported by the viewer.
     pub(crate) fn layout(&self) -> String {
+        if self.viewer == Viewer::Rerun {
+            let default = Codec::new(Rig::of_views(3, &[], Size::default()), 0);
+            return rerun::script(self.codec.unwrap_or(&default), self.focus, self.file);
+        }
         let text = layout(self.codec);
         let made = serde_json::from_str(&text).ok().and_then(|mut layout| {
+            let scans = self.recording.map(|there| there.scans);
+            keep(&mut layout, |panel| has_room(panel, scans));
             if let Some(there) = self.recording {
                 fit(&mut layout, there);
             }
@@ -171,6 +219,30 @@ impl Wanted<'_> {
             serde_json::to_string_pretty(&layout).ok()
         });
         self.viewer.named(&made.unwrap_or(text)) + "\n"
+    }
+}
+
+/// Whether all is there that this layout, or without one the viewer's own, shows.
+pub(crate) fn checked(
+    own: Option<&str>,
+    codec: &Codec,
+    there: &There,
+    viewer: Viewer,
+) -> Result<Checked, String> {
+    match own {
+        None if viewer == Viewer::Rerun => Ok(check::topics(&rerun::topics(codec), there)),
+        Some(_) if viewer == Viewer::Rerun => {
+            Err("a script for Rerun cannot be checked, only layouts of Foxglove and Lichtblick".to_owned())
+        }
+        Some(layout) => check(layout, there, viewer),
+        None => {
+            let wanted = Wanted {
+                codec: Some(codec),
+                viewer,
+                ..Wanted::default()
+            };
+            check(&wanted.layout(), there, viewer)
+        }
     }
 }
 
@@ -200,10 +272,73 @@ fn fit(layout: &mut Value, there: &There) {
         .filter(|reference| check::find(reference, there).is_ok())
         .map(|reference| reference.panel)
         .collect();
-    panels.retain(|panel, _| shown.contains(panel) && !is_of_graphs(panel));
+    keep(layout, |panel| {
+        panel.starts_with("Tab!") || shown.contains(panel) && !is_of_graphs(panel)
+    });
+}
+
+/// Keeps some of the panels, and those of the others that hold them: of tabs those that show something, and one alone takes
+/// their place.
+fn keep(layout: &mut Value, is_kept: impl Fn(&str) -> bool) {
+    let Some(panels) = layout.get_mut("configById").and_then(Value::as_object_mut) else {
+        return;
+    };
+    panels.retain(|panel, _| is_kept(panel));
+    let left: BTreeSet<String> = panels.keys().cloned().collect();
+    let mut alone = BTreeMap::new();
+    for (panel, config) in panels.iter_mut() {
+        let Some(tabs) = config.get_mut("tabs").and_then(Value::as_array_mut) else {
+            continue;
+        };
+        tabs.retain_mut(|tab| {
+            let tree = tab.get_mut("layout").map(Value::take);
+            let tree = tree.and_then(|tree| pruned(tree, &left));
+            let is_left = tree.is_some();
+            tab["layout"] = tree.unwrap_or_default();
+            is_left
+        });
+        if let [] | [_] = &tabs[..] {
+            let only = tabs.pop().map(|mut tab| tab["layout"].take());
+            alone.insert(panel.clone(), only);
+        }
+    }
+    panels.retain(|panel, _| !alone.contains_key(panel));
     let left: BTreeSet<String> = panels.keys().cloned().collect();
     if let Some(tree) = layout.get_mut("layout") {
-        *tree = pruned(tree.take(), &left).unwrap_or_default();
+        let replaced = replaced(tree.take(), &alone);
+        *tree = pruned(replaced, &left).unwrap_or_default();
+    }
+    // Panels that have no place any more.
+    let text = layout.get("layout").map(Value::to_string).unwrap_or_default();
+    if let Some(panels) = layout.get_mut("configById").and_then(Value::as_object_mut) {
+        let tabs: String = panels
+            .values()
+            .filter_map(|config| config.get("tabs"))
+            .map(Value::to_string)
+            .collect();
+        let has_place = |panel: &String| {
+            let quoted = format!("\"{panel}\"");
+            text.contains(&quoted) || tabs.contains(&quoted)
+        };
+        panels.retain(|panel, _| has_place(panel));
+    }
+}
+
+/// The tree with what stands alone in its tabs in place of them.
+fn replaced(mut tree: Value, alone: &BTreeMap<String, Option<Value>>) -> Value {
+    match &tree {
+        Value::String(panel) => match alone.get(panel) {
+            Some(only) => only.clone().unwrap_or_default(),
+            None => tree,
+        },
+        _ => {
+            for side in ["first", "second"] {
+                if let Some(part) = tree.get_mut(side) {
+                    *part = replaced(part.take(), alone);
+                }
+            }
+            tree
+        }
     }
 }
 
@@ -228,7 +363,6 @@ mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
     use messages::record::Shown;
-    use messages::{Rig, Size};
 
     /// What a default run has, as far as schemas tell.
     fn default_run() -> There {
@@ -286,7 +420,7 @@ mod tests {
             1
         );
         let layout = layout(Some(&codec));
-        assert!(layout.contains(r#""\"matches/20.5\"""#), "{layout}");
+        assert!(layout.contains(r#""\"matches/20.5\".matches""#), "{layout}");
         assert_eq!(
             check(&layout, &there, Viewer::Foxglove).unwrap().missing,
             Vec::<String>::new()
@@ -313,9 +447,9 @@ mod tests {
                 "evaluation.scores[0].cover",
             ),
             (
-                "scores[0].bad_one",
-                "scan[0].bad_one",
-                "evaluation.scan[0].bad_one",
+                "curve[:].bad_one",
+                "curves[:].bad_one",
+                "evaluation.curves[:].bad_one",
             ),
             (
                 "\"disparity/picture\"",
@@ -345,7 +479,7 @@ mod tests {
 
     #[test]
     fn every_viewer_has_all_panels_of_its_own_layout_and_not_those_of_the_others() {
-        for viewer in Viewer::value_variants() {
+        for viewer in &[Viewer::Foxglove, Viewer::Lichtblick] {
             let wanted = Wanted {
                 viewer: *viewer,
                 ..Wanted::default()
@@ -362,6 +496,29 @@ mod tests {
             sentence.contains("Log!log") && sentence.contains("Lichtblick"),
             "{sentence}"
         );
+    }
+
+    #[test]
+    fn the_script_for_rerun_names_what_is_there_and_has_no_place_left_open() {
+        let rail = Rig::of_rail(Rail::default(), &[4.0, 1.5], Size::new(64, 48));
+        for codec in [run_of(&[4.0]).1, Codec::new(rail, 0)] {
+            let there = There::promised(&codec, codec.channels(Shown::ALL));
+            let made = checked(None, &codec, &there, Viewer::Rerun).unwrap();
+            assert_eq!(made.missing, Vec::<String>::new());
+            let wanted = Wanted {
+                codec: Some(&codec),
+                file: Some(Path::new("a \"b\".mcap")),
+                viewer: Viewer::Rerun,
+                ..Wanted::default()
+            };
+            let script = wanted.layout();
+            assert!(script.contains(r#"RECORDING = "a \"b\".mcap""#), "{script}");
+            for open in ["{script}", "{views}", "{points}", "{eye}", "{{", "}}"] {
+                assert!(!script.contains(open), "{open}: {script}");
+            }
+        }
+        let nothing = checked(None, &run_of(&[4.0]).1, &There::default(), Viewer::Rerun).unwrap();
+        assert!(nothing.missing.len() > 6, "{nothing:?}");
     }
 
     #[test]

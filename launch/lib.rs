@@ -33,7 +33,10 @@ pub mod settings {
 macro_rules! say {
     ($($line:tt)*) => {{
         use std::io::Write as _;
-        writeln!(std::io::stderr().lock(), $($line)*).unwrap_or_default();
+        let line = format!($($line)*) + "\n";
+        let mut err = std::io::stderr().lock();
+        let folded = $crate::fold::folded(&line, &err);
+        err.write_all(folded.as_bytes()).unwrap_or_default();
     }};
 }
 #[cfg(feature = "program")]
@@ -45,6 +48,8 @@ mod asks;
 mod cli;
 #[cfg(feature = "program")]
 mod commands;
+#[cfg(feature = "program")]
+mod fold;
 #[cfg(feature = "program")]
 mod graph;
 #[cfg(feature = "program")]

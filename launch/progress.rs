@@ -41,7 +41,7 @@ pub(crate) struct Progress {
 impl Progress {
     pub(crate) fn new(is_quiet: bool, timeline: Option<Timeline>) -> Self {
         let on_terminal = std::io::stderr().is_terminal() && !is_quiet;
-        let style = ProgressStyle::with_template("{bar:32} {pos}/{len} scans  {msg}  {elapsed}");
+        let style = ProgressStyle::with_template("{bar:20} {pos}/{len} scans  {msg}  {elapsed}");
         let bar = on_terminal
             .then(|| ProgressBar::new(0).with_style(style.unwrap_or(ProgressStyle::default_bar())));
         Self {

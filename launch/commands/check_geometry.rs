@@ -539,8 +539,8 @@ impl Report {
         let mut text = String::new();
         let mut line = |cells: [&str; 8]| {
             let [first, rest @ ..] = cells;
-            let rest = rest.map(|cell| format!("{cell:>10}")).concat();
-            writeln!(text, "{first:<12}{rest}").unwrap_or_default();
+            let rest = rest.map(|cell| format!("{cell:>9}")).concat();
+            writeln!(text, "{}", format!("{first:<14}{rest}").trim_end()).unwrap_or_default();
         };
         line([
             "rows", "points", "mistaken", "median", "p95", "offset", "turn", "scale",

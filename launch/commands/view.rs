@@ -77,7 +77,7 @@ fn recording(args: &Args, file: &Path, settings: &Settings) -> Result<Outcome, F
     for note in recording.notes().iter().chain(recording.remarks()) {
         crate::say!("view: {note}");
     }
-    if args.check {
+    if args.check.is_some() {
         // What is not in a proof is computed while it plays: its last scan tells all of it.
         let last: Vec<u64> = recording
             .whole_scans()
@@ -155,7 +155,7 @@ fn running(args: &Args, settings: &Settings) -> Result<Outcome, Failure> {
     let orders = &running.orders;
     let reference = bridge::node::reference_of(&orders.run, &orders.configuration);
     let codec = Codec::new(orders.run.rig.clone(), reference);
-    if args.check {
+    if args.check.is_some() {
         let channels = codec.channels_of(Shown::ALL, &orders.run.kinds());
         return checked(args, &codec, &There::promised(&codec, channels));
     }
@@ -227,15 +227,7 @@ fn tell(
     };
     let server = format!("ws://{host}:{}", address.port());
     let foxglove = foxglove_url(&server);
-    let rerun = match file {
-        Some(file) => format!(
-            "rerun --bind 127.0.0.1 {}",
-            quoted(&file.display().to_string())
-        ),
-        None => {
-            "tricurve record -o now.mcap --scans 100 && rerun --bind 127.0.0.1 now.mcap".to_owned()
-        }
-    };
+    let is_file = file.is_some();
     let file = file.map_or(String::new(), |file| {
         quoted(&file.display().to_string()) + " "
     });
@@ -243,8 +235,19 @@ fn tell(
         let written = layout_file(codec, seen, viewer);
         written.map_or_else(
             |_| format!("tricurve view {file}--layout{how} > layout.json"),
-            |path| path.display().to_string(),
+            |path| quoted(&path.display().to_string()),
         )
+    };
+    let script = match layout_file(codec, seen, Viewer::Rerun) {
+        Ok(script) => script.display().to_string(),
+        Err(_) => "layout.py".to_owned(),
+    };
+    let rerun = match is_file {
+        true => format!("python {}", quoted(&script)),
+        false => format!(
+            "tricurve record -o now.mcap --scans 100 && python {} now.mcap",
+            quoted(&script)
+        ),
     };
     let foxgloves = layout(Viewer::Foxglove, "");
     let lichtblicks = layout(Viewer::Lichtblick, " --for lichtblick");
@@ -253,7 +256,7 @@ fn tell(
          server      {server}\n  \
          Foxglove    {foxglove}\n  \
          Lichtblick  open a connection, Foxglove WebSocket, {server}\n  \
-         Rerun       {rerun}\n  \
+         Rerun       {rerun}   (pip install rerun-sdk)\n  \
          layouts     {foxgloves}\n              {lichtblicks}\n"
     ))?;
     if args.open {
@@ -323,8 +326,8 @@ fn foxglove_url(server: &str) -> String {
 struct Seen {
     there: Option<There>,
     focus: Option<Focus>,
-    /// The recording's name.
-    name: Option<String>,
+    /// The recording.
+    file: Option<PathBuf>,
 }
 
 impl Seen {
@@ -333,11 +336,10 @@ impl Seen {
             crate::say!("view: the layout looks nowhere in particular: {error}");
             None
         });
-        let name = recording.path().file_stem();
         Self {
             there: Some(defined_in(recording)),
             focus,
-            name: name.map(|name| name.to_string_lossy().into_owned()),
+            file: std::path::absolute(recording.path()).ok(),
         }
     }
 
@@ -346,6 +348,7 @@ impl Seen {
             codec,
             recording: self.there.as_ref(),
             focus: self.focus.as_ref(),
+            file: self.file.as_deref(),
             viewer,
         };
         wanted.layout()
@@ -360,19 +363,21 @@ fn layout_file(codec: &Codec, seen: &Seen, viewer: Viewer) -> std::io::Result<Pa
         .or_else(|| Some(PathBuf::from(set("HOME")?).join(".cache")));
     let cache = cache.ok_or(std::io::ErrorKind::NotFound)?;
     let (layout, rig) = (seen.layout(Some(codec), viewer), codec.rig());
-    let of = match (&seen.name, rig.rail, rig.views.len()) {
-        (Some(name), _, _) => format!("-{name}"),
+    let name = seen.file.as_deref().and_then(Path::file_stem);
+    let of = match (name, rig.rail, rig.views.len()) {
+        (Some(name), _, _) => format!("-{}", name.display()),
         (None, Some(_), _) => "-rail".to_owned(),
         (None, None, 3) => String::new(),
         (None, None, views) => format!("-{views}-views-{}", codec.reference()),
     };
     let finest = rig.channels.last().copied().unwrap_or_default();
     let by = match viewer {
-        Viewer::Foxglove => "",
-        Viewer::Lichtblick => "-lichtblick",
+        Viewer::Foxglove => ".json",
+        Viewer::Lichtblick => "-lichtblick.json",
+        Viewer::Rerun => "-rerun.py",
     };
     let folder = cache.join("tricurve");
-    let path = folder.join(format!("layout{of}-{finest}{by}.json"));
+    let path = folder.join(format!("layout{of}-{finest}{by}"));
     if fs::read(&path).is_ok_and(|written| written == layout.as_bytes()) {
         return Ok(path);
     }
@@ -393,6 +398,7 @@ fn defined_in(recording: &Recording) -> There {
         }
     }
     there.frames = recording.codec().frames().map(str::to_owned).collect();
+    there.scans = recording.scans().len();
     there
 }
 
@@ -425,12 +431,12 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
 }
 
 fn checked(args: &Args, codec: &Codec, there: &There) -> Result<Outcome, Failure> {
-    let wanted = Wanted {
-        codec: Some(codec),
-        viewer: args.viewer,
-        ..Wanted::default()
-    };
-    let checked = layout::check(&wanted.layout(), there, args.viewer).map_err(Failure::failed)?;
+    let own = args.check.iter().flatten().next();
+    let own = own.map(|path| {
+        fs::read_to_string(path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+    });
+    let own = own.transpose()?;
+    let checked = layout::checked(own.as_deref(), codec, there, args.viewer).map_err(Failure::failed)?;
     let Checked {
         panels,
         references,

@@ -9,7 +9,7 @@ use prost_types::{DescriptorProto, FileDescriptorSet};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::{Viewer, is_of_graphs};
+use super::{ASKED_FOR, Viewer, is_of_graphs};
 
 /// The topic that only sources with a truth have, and the node that makes it.
 const NEED_TRUTH: &str = "evaluation";
@@ -45,6 +45,8 @@ pub(crate) struct There {
     pub(crate) frames: BTreeSet<String>,
     /// Whether topics without messages count as missing.
     pub(crate) needs_messages: bool,
+    /// How many scans there are, where they have an end.
+    pub(crate) scans: usize,
 }
 
 impl There {
@@ -63,6 +65,7 @@ impl There {
             topics: channels.into_iter().map(topic).collect(),
             frames: codec.frames().map(str::to_owned).collect(),
             needs_messages: false,
+            scans: usize::MAX,
         }
     }
 }
@@ -121,7 +124,7 @@ pub(super) fn references_of(panels: &Map<String, Value>) -> Vec<Reference> {
         let paths = config.get("paths").and_then(Value::as_array);
         let paths = paths.into_iter().flatten();
         let paths = paths.filter_map(|path| path.get("value").and_then(Value::as_str));
-        for path in paths.chain(text("/topicPath")) {
+        for path in paths.chain(text("/topicPath")).chain(text("/xAxisPath/value")) {
             let (topic, field) = parted(path);
             add(topic, field, false);
         }
@@ -149,8 +152,28 @@ pub(super) fn is_there(panel: &str, (name, field): (&str, &str), there: &There) 
     find(&reference, there).is_ok()
 }
 
+/// Whether all of these topics are there.
+pub(super) fn topics(names: &[String], there: &There) -> Checked {
+    let missing = names.iter().filter_map(|name| {
+        let reference = Reference {
+            panel: "the script".to_owned(),
+            name: name.clone(),
+            field: String::new(),
+            is_frame: false,
+        };
+        let what = find(&reference, there).err()?;
+        Some(format!("the script shows {what}"))
+    });
+    Checked {
+        panels: 1,
+        references: names.len(),
+        missing: missing.collect(),
+        ..Checked::default()
+    }
+}
+
 /// Whether all that a viewer's layout names is there, and the viewer has all its panels.
-pub(crate) fn check(layout: &str, there: &There, viewer: Viewer) -> Result<Checked, String> {
+pub(super) fn check(layout: &str, there: &There, viewer: Viewer) -> Result<Checked, String> {
     let layout: Value = serde_json::from_str(layout).map_err(|e| format!("the layout: {e}"))?;
     let panels = layout.get("configById").and_then(Value::as_object);
     let panels = panels.ok_or("the layout has no panels")?;
@@ -166,6 +189,8 @@ pub(crate) fn check(layout: &str, there: &There, viewer: Viewer) -> Result<Check
         if !viewer.has(kind) {
             let sentence = format!("{panel} is a panel that {viewer:?} does not have");
             checked.missing.push(sentence);
+        } else if kind == "Tab" {
+            // What it holds are panels of their own.
         } else if !showing.contains(panel.as_str()) && !is_of_graphs(panel) {
             checked.missing.push(format!("{panel} shows nothing"));
         }
@@ -174,6 +199,9 @@ pub(crate) fn check(layout: &str, there: &There, viewer: Viewer) -> Result<Check
         let Err(what) = find(reference, there) else {
             continue;
         };
+        if ASKED_FOR.contains(&reference.panel.as_str()) {
+            continue;
+        }
         let sentence = format!("{} shows {what}", reference.panel);
         let is_truth = !there.topics.contains_key(NEED_TRUTH)
             && (reference.name == NEED_TRUTH || reference.field.contains(NEEDS_TRUTH));

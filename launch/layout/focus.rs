@@ -1,5 +1,6 @@
 //! Where the points of a recording lie, so that a layout can look at them.
 
+use messages::record::{Colours, Span};
 use messages::recording::{ReadError, Recording};
 use messages::{Kind, Map, Owned, Points, Topic};
 use serde_json::{Value, json};
@@ -20,8 +21,10 @@ pub(crate) struct Focus {
     middle: [f64; 3],
     /// Half its diagonal, in metres.
     radius: f64,
-    /// The disparities that colours are spread over, in pixels.
-    disparity: [f64; 2],
+    /// What colours are spread over: the disparities, in pixels, …
+    disparity: Span,
+    /// … and the standard deviations of a map's points, in metres.
+    sigma: Option<Span>,
 }
 
 impl Focus {
@@ -34,29 +37,28 @@ impl Focus {
             return Ok(None);
         };
         let scans = recording.scans_with(std::slice::from_ref(&topic));
-        // Right, down, forward, disparity.
-        let mut places: Vec<[f32; 4]> = Vec::new();
+        // Right, down, forward, disparity, standard deviation.
+        let mut places: Vec<[f32; 5]> = Vec::new();
         for &scan in scans.iter().step_by(scans.len().div_ceil(SCANS).max(1)) {
             match is_map {
                 true => {
                     let map: Owned<Map> = recording.read(scan, &topic)?;
                     let points = map.view().points;
-                    take(points, &mut places, |p| [p.x, p.y, p.z, p.disparity]);
+                    take(points, &mut places, |p| [p.x, p.y, p.z, p.disparity, p.sigma]);
                 }
                 false => {
                     let found: Owned<Points> = recording.read(scan, &topic)?;
                     let points = found.view().points;
-                    take(points, &mut places, |p| [p.x, p.y, p.z, p.disparity]);
+                    take(points, &mut places, |p| [p.x, p.y, p.z, p.disparity, 0.0]);
                 }
             }
         }
-        Ok(Self::on(&places))
+        Ok(Self::on(&places, is_map))
     }
 
-    fn on(places: &[[f32; 4]]) -> Option<Self> {
-        if places.is_empty() {
-            return None;
-        }
+    fn on(places: &[[f32; 5]], is_map: bool) -> Option<Self> {
+        let spread = |of: usize| Span::of(places.iter().map(move |place| place[of]));
+        let disparity = spread(3)?.rounded();
         let span = |axis: usize| {
             let mut values: Vec<f32> = places.iter().map(|place| place[axis]).collect();
             values.sort_unstable_by(f32::total_cmp);
@@ -70,15 +72,26 @@ impl Focus {
         Some(Self {
             middle: [middle(forward), -middle(right), -middle(down)],
             radius: half(right).hypot(half(down)).hypot(half(forward)),
-            disparity: span(3),
+            disparity,
+            sigma: spread(4).filter(|_| is_map).map(Span::rounded),
         })
     }
 
-    /// Turns a layout's panel in space there, and spreads its colours.
+    /// The middle and the radius of what to look at.
+    pub(super) fn ball(&self) -> ([f64; 3], f64) {
+        (self.middle, self.radius)
+    }
+
+    /// Turns a layout's panels in space there, and spreads their colours.
     pub(super) fn apply(&self, layout: &mut Value) {
-        let Some(space) = layout.pointer_mut("/configById/3D!space") else {
-            return;
-        };
+        for panel in ["3D!space", "3D!deviation"] {
+            if let Some(space) = layout.pointer_mut(&format!("/configById/{panel}")) {
+                self.turn(space);
+            }
+        }
+    }
+
+    fn turn(&self, space: &mut Value) {
         // A tenth of a millimetre is enough for the eye.
         let short = |metres: f64| (metres * 1e4).round() / 1e4;
         let middle = self.middle.map(short);
@@ -95,8 +108,15 @@ impl Focus {
         }
         let topics = space.pointer_mut("/topics").and_then(Value::as_object_mut);
         for topic in topics.into_iter().flat_map(|topics| topics.values_mut()) {
-            if topic.get("colorField").is_some() {
-                let [least, most] = self.disparity.map(|pixels| (10.0 * pixels).round() / 10.0);
+            let spread = match topic.get("colorField").and_then(Value::as_str) {
+                Some("sigma") => self.sigma,
+                Some(_) => Some(self.disparity),
+                None => None,
+            };
+            if let Some(span) = spread {
+                // Viewers use all of the colours, pictures a part of them: this makes them the same.
+                let (least, most) = span.ends();
+                let [least, most] = Colours::whole_range([least, most]);
                 topic["minValue"] = json!(least);
                 topic["maxValue"] = json!(most);
             } else if topic.get("distance").is_some() {
@@ -109,7 +129,7 @@ impl Focus {
 }
 
 /// Takes as many points as are looked at, spread over all.
-fn take<P>(points: &[P], places: &mut Vec<[f32; 4]>, place: impl Fn(&P) -> [f32; 4]) {
+fn take<P>(points: &[P], places: &mut Vec<[f32; 5]>, place: impl Fn(&P) -> [f32; 5]) {
     let every = points.len().div_ceil(POINTS).max(1);
     let taken = points.iter().step_by(every).map(place);
     places.extend(taken.filter(|place| place.iter().all(|value| value.is_finite())));
@@ -122,11 +142,11 @@ mod tests {
 
     #[test]
     fn the_middle_lies_between_the_cameras_and_most_points_and_strays_do_not_move_it() {
-        let mut places: Vec<[f32; 4]> = (0..1000)
-            .map(|i| [0.1 + 0.0002 * i as f32, -0.1, 1.0, 20.0 + 0.01 * i as f32])
+        let mut places: Vec<[f32; 5]> = (0..1000)
+            .map(|i| [0.1 + 0.0002 * i as f32, -0.1, 1.0, 20.0 + 0.01 * i as f32, 0.0])
             .collect();
-        places.push([500.0, -300.0, 9000.0, 64.0]);
-        let focus = Focus::on(&places).unwrap();
+        places.push([500.0, -300.0, 9000.0, 64.0, 0.0]);
+        let focus = Focus::on(&places, false).unwrap();
         let [forward, left, up] = focus.middle;
         assert!((forward - 0.5).abs() < 1e-6, "{focus:?}");
         assert!(
@@ -134,11 +154,7 @@ mod tests {
             "{focus:?}"
         );
         assert!((focus.radius - 0.525).abs() < 5e-3, "{focus:?}");
-        let [least, most] = focus.disparity;
-        assert!(
-            (least - 20.2).abs() < 0.02 && (most - 29.8).abs() < 0.02,
-            "{focus:?}"
-        );
-        assert_eq!(Focus::on(&[]), None);
+        assert_eq!(focus.disparity.ends(), (20.0, 30.0));
+        assert_eq!(Focus::on(&[], false), None);
     }
 }

@@ -14,6 +14,7 @@ mod annotations;
 mod codec;
 mod encoder;
 mod overlay;
+mod pictures;
 mod proof;
 mod refer;
 mod row;
@@ -22,16 +23,19 @@ mod scene;
 mod schema;
 mod statistics;
 mod views;
+mod whole;
 mod wire;
 
 pub use codec::{Beside, DecodeError, Recorded, Said};
 pub use encoder::{Encoder, Sink};
+pub use pictures::Pictured;
 pub use proof::{DIGESTS, Digest, Digests, VERSIONS};
 pub use said::{CameraSaid, frame_said, places_said, size_said};
 pub use scene::{Level, SWAY};
 pub use schema::Schema;
-pub use statistics::{Milliseconds, Statistics};
+pub use statistics::{Histogram, Milliseconds, Statistics};
 pub use views::{Colours, Span, Views, paint};
+pub use whole::WHOLE;
 
 /// The topic that says where everything stands.
 pub const TRANSFORMS: &str = "tf";
@@ -54,8 +58,12 @@ pub enum Content {
     Labels(usize),
     /// The curves of the view with this index that were not matched, and why, drawn over its image.
     Rejected(usize),
-    /// The disparity picture in colours.
-    Picture,
+    /// A picture in the reference view.
+    Picture(Pictured),
+    /// What its colours mean, over it.
+    Legend(Pictured),
+    /// On a rail the whole map so far, thinned, every few frames.
+    Whole,
     /// [`Statistics`] of each scan.
     Statistics,
     /// The [`Digests`] of each scan.
@@ -75,6 +83,8 @@ pub enum Content {
 pub struct Shown {
     /// Curves over each image, the disparity picture in colours.
     pub views: bool,
+    /// Pictures of the points' errors and confidence.
+    pub inspected: bool,
     /// Number, score and disparity of matched curves, over each image.
     pub labels: bool,
     /// Curves that were not matched, over each image.
@@ -89,6 +99,7 @@ impl Shown {
     /// All that a graph that runs has.
     pub const ALL: Self = Self {
         views: true,
+        inspected: true,
         labels: true,
         rejected: true,
         cameras: true,
@@ -198,6 +209,11 @@ impl Codec {
         let mut channels = self.channels(shown);
         channels.retain(|channel| match &channel.content {
             Content::Data(topic) => made.contains(&topic.kind),
+            Content::Whole => made.contains(&Kind::Map),
+            // Only some sources know a truth.
+            Content::Picture(Pictured::Error) | Content::Legend(Pictured::Error) => {
+                made.contains(&Kind::Truth)
+            }
             _ => true,
         });
         channels
@@ -244,12 +260,22 @@ impl Codec {
                 channel(name, Content::Rejected(view), Schema::annotations())
             }));
         }
-        if shown.views {
-            all.push(channel(
-                "disparity/picture".to_owned(),
-                Content::Picture,
-                Schema::image(),
-            ));
+        for pictured in Pictured::ALL {
+            let is_shown = match pictured {
+                Pictured::Disparity => shown.views,
+                Pictured::Error | Pictured::Confidence => shown.inspected,
+            };
+            if is_shown {
+                let (picture, legend) = (Content::Picture(pictured), Content::Legend(pictured));
+                let name = pictured.topic();
+                all.push(channel(name.to_owned(), picture, Schema::image()));
+                let name = format!("{name}/legend");
+                all.push(channel(name, legend, Schema::annotations()));
+            }
+        }
+        if shown.views && self.rig.rail.is_some() {
+            let schema = Schema::of(Kind::Map);
+            all.push(channel(WHOLE.to_owned(), Content::Whole, schema));
         }
         all.push(channel(
             "statistics".to_owned(),

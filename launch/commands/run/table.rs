@@ -223,7 +223,7 @@ impl fmt::Display for Summary {
             writeln!(f, "\nrecording: {path}")?;
             writeln!(
                 f,
-                "  look at it:  open it in Foxglove or Lichtblick, or: rerun {path}"
+                "  look at it:  tricurve view {path}"
             )?;
             writeln!(f, "  what is in:  tricurve info {path}")?;
             if self.has_images {
@@ -234,7 +234,7 @@ impl fmt::Display for Summary {
                 };
                 writeln!(
                     f,
-                    "  take it out: tricurve export {path} --scan {scan} --csv points.csv --ply points.ply --png pictures{map}"
+                    "  take it out: tricurve export {path} --scan {scan} --ply points.ply --png pictures{map}"
                 )?;
             }
         }

@@ -147,8 +147,10 @@ impl<'a> Sheet<'a> {
 /// Texts that do not cover each other; keeps its memory from image to image.
 #[derive(Debug, Default)]
 pub(super) struct Labels {
-    /// A line's height, in pixels of the image.
+    /// A line's height, in pixels of the image: of labels, …
     height: f32,
+    /// … and of the legend.
+    legend: f32,
     /// How far down the legend reaches.
     told: f32,
     places: Places,
@@ -159,9 +161,11 @@ pub(super) struct Labels {
 const GAP: f32 = 3.0;
 
 impl Labels {
-    /// Begins anew over an image of this size. A line is a forty-eighth of it high, and enough to be read in a small one.
+    /// Begins anew over an image of this size. A line is a forty-eighth of it high, in the legend a thirtieth, and enough to be
+    /// read in a small one.
     pub(super) fn begin(&mut self, size: Size) {
         self.height = (size.height as f32 / 48.0).max(8.0);
+        self.legend = (size.height as f32 / 30.0).max(8.0);
         self.told = GAP;
         self.places.clear(size);
     }
@@ -180,12 +184,12 @@ impl Labels {
     /// Adds a line to the legend in the upper left corner. To be done before curves are named.
     pub(super) fn tell(&mut self, sheet: &mut Sheet<'_>, text: fmt::Arguments<'_>, colour: Colour) {
         self.compose(text);
-        self.told += 1.2 * self.height;
+        let height = self.legend;
+        self.told += 1.2 * height;
         let corner = [GAP, self.told];
-        let width = self.width_of(self.text.len());
-        let extent = [width, self.height];
+        let extent = [self.width_of(self.text.len()) * height / self.height, height];
         self.places.mark(corner, extent, self.height / 2.0);
-        sheet.text(corner, &self.text, self.height, colour);
+        sheet.text(corner, &self.text, height, colour);
     }
 
     /// Writes beside a curve's centroid, where there is room, with half a line to the next text; nothing when the curve

@@ -7,6 +7,7 @@ use super::Codec;
 use super::refer::{Finder, entries_follow, entry_of, order, order_follows};
 use super::row::{Column, Row};
 use super::schema::{CLOUD_HEIGHT, CLOUD_WIDTH};
+use super::whole::Whole;
 use super::wire::{Fields, Fill, Value, varint_len};
 use crate::header::{Header, NONE, Size};
 use crate::payload::{
@@ -329,6 +330,18 @@ impl Recorded for Disparity {
 }
 
 // ---- point clouds ----
+
+impl Codec {
+    /// Appends the whole map so far, a `foxglove.PointCloud` in the rail's frame.
+    pub(super) fn whole(&self, nanos: u64, size: Size, whole: &Whole, out: &mut Vec<u8>) {
+        let head = Head {
+            nanos,
+            size,
+            frame: Rail::FRAME,
+        };
+        cloud(&head, whole.spots(), out);
+    }
+}
 
 fn cloud<T: Row>(head: &Head<'_>, rows: &[T], out: &mut Vec<u8>) {
     let mut fill = Fill(out);

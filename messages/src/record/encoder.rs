@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::{Beside, Channel, Codec, Content, Digest, Digests, Level, Span, Statistics, Views};
-use crate::header::{Header, NONE};
+use super::pictures::Seen;
+use super::whole::Whole;
+use super::{Beside, Channel, Codec, Content, Digest, Digests, Histogram, Level, Span, Statistics, Views};
+use crate::header::{Header, NONE, Size};
 use crate::health::Health;
 use crate::ledger::Ledger;
-use crate::payload::AnyView;
+use crate::payload::{AnyView, MapView};
 use crate::synchronisation::Synchronisation;
 use crate::topic::{Kind, Topic};
 
@@ -40,6 +42,9 @@ pub struct Encoder {
     refers: bool,
     /// What the next scan was made with.
     settings: BTreeMap<String, Digest>,
+    /// The map so far, and of which size its frames are.
+    whole: Whole,
+    size: Size,
 }
 
 impl Encoder {
@@ -53,6 +58,27 @@ impl Encoder {
             views: Views::default(),
             refers: true,
             settings: BTreeMap::new(),
+            whole: Whole::default(),
+            size: Size::default(),
+        }
+    }
+
+    /// Takes in what was settled with a frame before those that are encoded: the whole map has it too.
+    pub fn recall(&mut self, frame: u64, map: MapView<'_>) {
+        self.whole.add(frame, map);
+    }
+
+    /// Whether it says what the whole map is.
+    pub fn says_whole(&self) -> bool {
+        self.index(&Content::Whole).is_some()
+    }
+
+    /// Adds to the last scan what is said every few of them only, unless it has it.
+    pub fn end(&self, sequence: u64, sink: &mut impl Sink) {
+        let nanos = sink.nanos();
+        let is_due = self.whole.is_due(sequence);
+        if let Some(index) = self.index(&Content::Whole).filter(|index| !is_due && sink.wants(*index)) {
+            sink.add(index, |out| self.codec.whole(nanos, self.size, &self.whole, out));
         }
     }
 
@@ -111,16 +137,24 @@ impl Encoder {
         };
         let none = NONE;
         let finest = self.codec.rig().channels.len().saturating_sub(1) as u32;
-        let picture = match find(Kind::Disparity, none, none) {
-            Some((header, AnyView::Disparity(picture))) => Some((header, *picture)),
+        let points = match find(Kind::Points, none, none) {
+            Some((_, AnyView::Points(points))) => Some(*points),
             _ => None,
         };
-        // What the picture shows are the points: there are fewer of them than pixels.
-        let span = match find(Kind::Points, none, none) {
-            Some((_, AnyView::Points(points))) => {
-                Span::of(points.points.iter().map(|p| p.disparity))
-            }
-            _ => None,
+        // What the disparity picture shows are the points: there are fewer of them than pixels.
+        let span = points.and_then(|points| Span::of(points.points.iter().map(|p| p.disparity)));
+        let span = span.map(Span::rounded);
+        let seen = Seen {
+            disparity: match find(Kind::Disparity, none, none) {
+                Some((_, AnyView::Disparity(picture))) => Some(picture.disparity),
+                _ => None,
+            },
+            points,
+            truth: match find(Kind::Truth, none, none) {
+                Some((_, AnyView::Truth(truth))) => Some(truth.disparity),
+                _ => None,
+            },
+            span,
         };
         let matches = match find(Kind::Matches, none, finest) {
             Some((_, AnyView::Matches(matches))) => Some(*matches),
@@ -133,10 +167,13 @@ impl Encoder {
             refers,
             topics,
             settings,
+            whole,
+            size: of_last,
         } = self;
         let refers = *refers;
         // All views of a scan are of one size, and every message says it.
         let size = first.size();
+        *of_last = size;
         // So they say where the camera stood, when it is one that moves.
         let (position_m, sway) = (first.position_m, first.sway);
         // Only what is recorded too can be referred to.
@@ -161,6 +198,9 @@ impl Encoder {
                 },
             }
         };
+        if let Some((_, AnyView::Map(map))) = find(Kind::Map, none, none) {
+            whole.add(sequence, *map);
+        }
         let mut statistics = Statistics {
             scan: sequence,
             ..Statistics::default()
@@ -168,6 +208,9 @@ impl Encoder {
         for (header, message) in scan {
             statistics.add(header, *message);
         }
+        statistics.histogram = points
+            .zip(span)
+            .map(|(points, span)| Histogram::of(points.points, span));
         let of_finest = scan.iter().filter(|(header, _)| header.channel == finest);
         let curves = of_finest.filter_map(|(_, message)| match message {
             AnyView::Curves(curves) => Some(curves.points),
@@ -219,11 +262,16 @@ impl Encoder {
                         });
                     }
                 }
-                Content::Picture => {
-                    if let Some((header, picture)) = picture {
-                        sink.add(index, |out| {
-                            views.picture(codec, header, picture, span, out)
-                        });
+                Content::Picture(pictured) if seen.has(*pictured) => {
+                    sink.add(index, |out| views.picture(codec, first, *pictured, &seen, out));
+                }
+                Content::Legend(pictured) if seen.has(*pictured) => {
+                    sink.add(index, |out| views.legend(codec, first, *pictured, span, out));
+                }
+                Content::Picture(_) | Content::Legend(_) => {}
+                Content::Whole => {
+                    if whole.is_due(sequence) {
+                        sink.add(index, |out| codec.whole(nanos, size, whole, out));
                     }
                 }
                 Content::Data(topic) => {

@@ -2,7 +2,7 @@
 
 use super::annotations::{Colour, Sheet, opaque};
 use super::views::straighten;
-use super::{Codec, Span, Views};
+use super::{Codec, Span, Views, pictures};
 use crate::Reason;
 use crate::header::{Header, NONE};
 use crate::payload::{Curve, CurvesView, Match, MatchesView};
@@ -61,25 +61,7 @@ impl Views {
         }));
 
         labels.begin(header.size());
-        let (least, most) = span.ends();
-        for share in [1.0, 0.75, 0.5, 0.25, 0.0] {
-            let disparity = least + share * (most - least);
-            let camera = codec.rig().calibration.filter(|camera| camera.calibrated);
-            match camera.map(|camera| camera.depth_m(disparity.into())) {
-                Some(depth) if depth > 0.0 => {
-                    let text = format_args!(
-                        "{disparity:.1} px, {depth:.prec$} m",
-                        prec = decimals(depth)
-                    );
-                    labels.tell(&mut sheet, text, colour_at(share));
-                }
-                _ => labels.tell(
-                    &mut sheet,
-                    format_args!("{disparity:.1} px"),
-                    colour_at(share),
-                ),
-            }
-        }
+        pictures::disparities(codec, span, colours, labels, &mut sheet);
         sheet.finish();
     }
 
@@ -228,11 +210,6 @@ fn longest_first(
     );
     let length = |&curve: &u32| curves[curve as usize].length;
     longest.sort_unstable_by(|a, b| length(b).total_cmp(&length(a)).then(a.cmp(b)));
-}
-
-/// Decimals that a depth in metres is shown with: three digits that say something.
-fn decimals(depth_m: f64) -> usize {
-    (2 - depth_m.log10().floor() as i32).clamp(0, 3) as usize
 }
 
 fn words_of(why: u32) -> &'static str {

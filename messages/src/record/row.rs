@@ -4,6 +4,7 @@ use std::mem::offset_of;
 
 use bytemuck::Pod;
 
+use super::whole::Spot;
 use crate::payload::{
     Curve, Edge, Entry, MapPoint, Match, MatchPoint, Point, Rejected, Score, Share, Table,
 };
@@ -139,6 +140,14 @@ row! { MapPoint {
     sightings: Uint32 = sightings,
 } }
 
+row! { Spot {
+    x: Float32 = x,
+    y: Float32 = y,
+    z: Float32 = z,
+    sigma: Float32 = sigma,
+    disparity: Float32 = disparity,
+} }
+
 row! { Score {
     channel: Uint32 = channel,
     edges: Uint32 = edges,
@@ -189,6 +198,7 @@ mod tests {
         tells_all::<Rejected>();
         tells_all::<Point>();
         tells_all::<MapPoint>();
+        tells_all::<Spot>();
         tells_all::<Score>();
         tells_all::<Share>();
     }

@@ -99,6 +99,13 @@ impl Schema {
         properties.insert("disparity".to_owned(), number());
         properties.insert("contrast_least".to_owned(), number());
         properties.insert("contrast_most".to_owned(), number());
+        let many = |items| json!({ "type": "array", "items": items });
+        properties.insert(
+            "histogram".to_owned(),
+            json!({ "type": "object", "properties": {
+                "disparity": many(number()), "points": many(count()),
+            } }),
+        );
         let stages = crate::Stage::ALL.map(|stage| (stage.name().to_owned(), number()));
         properties.insert(
             "milliseconds".to_owned(),

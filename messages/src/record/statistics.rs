@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::contrast::Contrast;
 use crate::header::Header;
-use crate::payload::{AnyView, Edge};
+use crate::payload::{AnyView, Edge, Point};
+
+use super::Span;
 
 /// Milliseconds a scan took in each stage, all views and channels together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -26,6 +28,38 @@ pub struct Milliseconds {
     /// To compare its points with the truth.
     #[serde(default)]
     pub evaluate: f64,
+}
+
+/// Steps of a [`Histogram`].
+const STEPS: usize = 24;
+
+/// How many points of a scan have which disparity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Histogram {
+    /// The middle of each step, in pixels, …
+    pub disparity: [f64; STEPS],
+    /// … and how many points lie in it. Those beyond the first and the last step count there.
+    pub points: [u32; STEPS],
+}
+
+impl Histogram {
+    /// Of these points, in steps that the span is divided into.
+    pub fn of(points: &[Point], span: Span) -> Self {
+        let (least, most) = span.ends();
+        let (least, most) = (f64::from(least), f64::from(most));
+        let mut counts = [0; STEPS];
+        for point in points {
+            let step = (span.share(point.disparity) * STEPS as f32) as usize;
+            counts[step.min(STEPS - 1)] += 1;
+        }
+        Self {
+            disparity: std::array::from_fn(|step| {
+                let middle = least + (most - least) * (step as f64 + 0.5) / STEPS as f64;
+                (middle * 1e3).round() / 1e3
+            }),
+            points: counts,
+        }
+    }
 }
 
 /// What there is to plot of a scan.
@@ -66,6 +100,9 @@ pub struct Statistics {
     /// On a rail, points of the map that are still followed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub growing: Option<u64>,
+    /// How the disparities of its points are spread.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub histogram: Option<Histogram>,
     /// Bytes of its messages.
     pub bytes: u64,
     /// What it took.
@@ -127,5 +164,30 @@ impl Statistics {
                 self.disparity = (count > 0).then(|| sum / count as f64);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_point_is_in_one_step_of_the_histogram_those_beyond_in_the_outermost() {
+        let disparities = (0..100).map(|i| 10.0 + i as f32 / 10.0);
+        let span = Span::of(disparities.clone()).map(Span::rounded);
+        let points: Vec<Point> = disparities
+            .chain([2.0, 90.0])
+            .map(|disparity| Point {
+                disparity,
+                ..Point::default()
+            })
+            .collect();
+        let Some(span) = span else {
+            panic!("there are disparities")
+        };
+        let Histogram { disparity, points } = Histogram::of(&points, span);
+        assert_eq!(points.iter().sum::<u32>(), 102);
+        assert!(points[0] >= 5 && points[STEPS - 1] >= 5, "{points:?}");
+        assert!(disparity.is_sorted() && disparity[0] > 9.9, "{disparity:?}");
     }
 }

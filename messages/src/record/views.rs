@@ -1,13 +1,10 @@
-//! Views for people, derived from the data: the disparity picture in colours, and what it takes to draw curves.
+//! Views for people, derived from the data: colours, and what it takes to draw curves.
 
-use super::Codec;
 use super::annotations::Labels;
-use super::codec::raw_image_head;
-use super::wire::Fill;
-use crate::header::Header;
-use crate::payload::{DisparityView, Edge};
+use crate::payload::Edge;
 
-/// Colours of disparities: dark violet is far, light yellow near, in even steps to the eye.
+/// Colours of disparities: blue is far, red near. They are Turbo's (A. Mikhailov, "Turbo, an improved rainbow colormap for
+/// visualization", 2019), which viewers of point clouds have, so that one disparity has one colour in every picture.
 #[derive(Clone, Debug)]
 pub struct Colours {
     steps: [[u8; 3]; 256],
@@ -23,15 +20,23 @@ impl Colours {
     /// What no disparity has in a picture.
     pub const UNKNOWN: [u8; 3] = [0, 0, 0];
 
-    /// Even steps of lightness and hue in Oklab (B. Ottosson, "A perceptual color space for image processing", 2020).
+    /// The part of Turbo that is used: its ends are too dark to be seen on black.
+    const USED: [f32; 2] = [0.07, 0.93];
+
+    /// The used part of Turbo, in even steps.
     pub fn new() -> Self {
-        let step = |i: usize| {
-            let t = i as f64 / 255.0;
-            strongest(0.5 + 0.44 * t, (300.0 - 200.0 * t).to_radians())
-        };
+        let [least, most] = Self::USED;
+        let step = |i: usize| turbo(least + (most - least) * i as f32 / 255.0);
         Self {
             steps: std::array::from_fn(step),
         }
+    }
+
+    /// The ends of a range that all of Turbo is spread over where its used part is spread over this one.
+    pub fn whole_range([least, most]: [f32; 2]) -> [f32; 2] {
+        let [first, last] = Self::USED;
+        let unit = (most - least) / (last - first);
+        [least - first * unit, most + (1.0 - last) * unit]
     }
 
     /// Once round the circle of hues at one lightness and one chroma: for directions, where the last step is next to the
@@ -50,11 +55,16 @@ impl Colours {
     }
 }
 
-/// The strongest colour of a lightness and a hue that the display still shows.
-fn strongest(lightness: f64, hue: f64) -> [u8; 3] {
-    let shades = (0..=32).rev().map(|c| 0.18 * f64::from(c) / 32.0);
-    let mut shown = shades.filter_map(|chroma| shown(lightness, chroma, hue));
-    shown.next().unwrap_or_default()
+/// A colour of Turbo, from the polynomials of R. Du for it (2019).
+fn turbo(share: f32) -> [u8; 3] {
+    const RED: [f32; 6] = [0.135_721_38, 4.615_392_6, -42.660_324, 132.131_09, -152.942_4, 59.286_38];
+    const GREEN: [f32; 6] = [0.091_402_61, 2.194_188_4, 4.842_966_6, -14.185_033, 4.277_298_6, 2.829_566];
+    const BLUE: [f32; 6] = [0.106_673_3, 12.641_946, -60.582_05, 110.362_77, -89.903_11, 27.348_25];
+    let level = |terms: [f32; 6]| {
+        let value = terms.iter().rev().fold(0.0, |sum, term| sum * share + term);
+        (255.0 * value.clamp(0.0, 1.0)).round() as u8
+    };
+    [RED, GREEN, BLUE].map(level)
 }
 
 /// A colour, when the display shows it.
@@ -86,8 +96,9 @@ fn srgb_from_oklab(l: f64, a: f64, b: f64) -> [f64; 3] {
     })
 }
 
-/// The disparities that take the whole range of colours: all but the outermost hundredth at either end, so that a
-/// stray one does not decide every colour. `None` when there are none.
+/// The disparities that take the whole range of colours: all but the outermost hundredth at either end, and none that is
+/// farther beyond the middle eight tenths than a quarter of their width, so that neither stray ones nor one near object
+/// decide every colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
     least: f32,
@@ -95,7 +106,8 @@ pub struct Span {
 }
 
 impl Span {
-    /// The span of these disparities; unknown ones are passed over.
+    /// The span of these disparities, or of what else is shown in colours; unknown ones are passed over. `None` when there
+    /// are none.
     pub fn of(disparities: impl Iterator<Item = f32> + Clone) -> Option<Self> {
         let known = disparities.filter(|d| d.is_finite());
         let (least, most) = known
@@ -106,19 +118,47 @@ impl Span {
         if least > most {
             return None;
         }
-        let full = Self { least, most };
+        // Strays may stretch the first steps until all others share one: within what is left of them steps are fine.
+        let within = Self { least, most }.without(0.01, known.clone());
+        let middle = within.without(0.1, known.clone());
+        let beyond = 0.25 * (middle.most - middle.least);
+        let outer = within.without(0.01, known);
+        Some(Self {
+            least: outer.least.max(middle.least - beyond),
+            most: outer.most.min(middle.most + beyond),
+        })
+    }
+
+    /// The part of the span that is left without this share of the values at either end.
+    fn without(self, share: f32, values: impl Iterator<Item = f32>) -> Self {
         let mut counts = [0u32; 256];
-        known.for_each(|d| counts[(full.share(d) * 255.0) as usize & 255] += 1);
-        let outermost = counts.iter().sum::<u32>() / 100;
+        values.for_each(|value| counts[(self.share(value) * 255.0) as usize & 255] += 1);
+        let outermost = (counts.iter().sum::<u32>() as f32 * share) as u32;
         let mut steps = counts.iter().enumerate();
         let low = beyond(&mut steps, outermost);
         let mut steps = counts.iter().enumerate().rev();
         let high = beyond(&mut steps, outermost);
-        let value = |step: usize| least + (most - least) * step as f32 / 255.0;
-        Some(Self {
+        let value = |step: usize| self.least + (self.most - self.least) * step as f32 / 255.0;
+        Self {
             least: value(low),
             most: value((high + 1).min(255)),
-        })
+        }
+    }
+
+    /// The least span with round ends that holds this one: scans of one scene have the same colours, though each has its
+    /// own disparities, and their legends are easy to read.
+    pub fn rounded(self) -> Self {
+        let width = self.most - self.least;
+        if width <= 0.0 {
+            return self;
+        }
+        // A tenth of the span, rounded to 1, 2 or 5 times a power of ten.
+        let step = [1.0, 2.0, 5.0, 10.0].map(|step| step * 10f32.powf((width / 10.0).log10().floor()));
+        let step = step.into_iter().find(|step| *step >= width / 10.0).unwrap_or(width);
+        Self {
+            least: (self.least / step).floor() * step,
+            most: (self.most / step).ceil() * step,
+        }
     }
 
     /// The least disparity of the span and the greatest.
@@ -170,30 +210,6 @@ pub struct Views {
     /// Curves to be labelled.
     pub(super) longest: Vec<u32>,
     pub(super) labels: Labels,
-}
-
-impl Views {
-    /// Appends the disparity picture in colours, a `foxglove.RawImage` rgb8 in the reference view.
-    pub fn picture(
-        &self,
-        codec: &Codec,
-        header: &Header,
-        picture: DisparityView<'_>,
-        span: Option<Span>,
-        out: &mut Vec<u8>,
-    ) {
-        let (size, frame) = (header.size(), &codec.optical_frames[codec.reference]);
-        raw_image_head(
-            header.capture_nanos,
-            frame,
-            size,
-            "rgb8",
-            3 * size.width,
-            out,
-        );
-        Fill(out).open(6, 3 * picture.disparity.len());
-        paint(&self.colours, span, picture.disparity, out);
-    }
 }
 
 /// How far a drawn curve may lie off the true one, in pixels.
@@ -360,22 +376,35 @@ mod tests {
     }
 
     #[test]
-    fn colours_grow_lighter_from_far_to_near() {
-        let colours = Colours::new();
-        // Relative luminance: the weights of ITU-R BT.709 are for light, not for the display's values.
-        let linear = |value: u8| match f64::from(value) / 255.0 {
-            dark if dark <= 0.040_45 => dark / 12.92,
-            value => ((value + 0.055) / 1.055).powf(2.4),
+    fn colours_go_in_small_steps_from_blue_over_green_to_red_and_none_is_too_dark_to_be_seen() {
+        let Colours { steps } = Colours::new();
+        let apart = |a: [u8; 3], b: [u8; 3]| -> u32 {
+            a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(b))).sum()
         };
-        let light = |rgb: [u8; 3]| {
-            let [r, g, b] = rgb.map(linear);
-            0.2126 * r + 0.7152 * g + 0.0722 * b
-        };
-        let lights: Vec<f64> = (0..=255)
-            .map(|i| light(colours.of(i as f32 / 255.0)))
-            .collect();
-        assert!(lights.windows(4).all(|w| w[3] > w[0]), "{lights:?}");
-        assert!(colours.steps.iter().all(|rgb| *rgb != Colours::UNKNOWN));
+        assert!(steps.windows(2).all(|pair| (1..16).contains(&apart(pair[0], pair[1]))));
+        let strongest = |rgb: [u8; 3]| (0..3).max_by_key(|&part| rgb[part]);
+        assert_eq!([0, 128, 255].map(|step| strongest(steps[step])), [Some(2), Some(1), Some(0)]);
+        assert!(steps.iter().all(|rgb| rgb.iter().max() >= Some(&150)), "{steps:?}");
+    }
+
+    #[test]
+    fn a_viewer_that_spreads_all_of_turbo_over_the_whole_range_shows_the_same_colours() {
+        let [least, most] = Colours::whole_range([10.0, 30.0]);
+        for disparity in [10.0, 17.0, 30.0] {
+            let viewers = turbo((disparity - least) / (most - least));
+            let ours = Colours::new().of((disparity - 10.0) / 20.0);
+            let off = viewers.iter().zip(ours).map(|(a, b)| a.abs_diff(b)).max();
+            assert!(off <= Some(3), "{disparity}: {viewers:?} {ours:?}");
+        }
+    }
+
+    #[test]
+    fn spans_of_scans_that_differ_a_little_have_the_same_round_ends() {
+        let rounded = |least: f32, most: f32| Span { least, most }.rounded().ends();
+        assert_eq!(rounded(12.3, 28.9), (12.0, 30.0));
+        assert_eq!(rounded(12.9, 28.1), (12.0, 30.0));
+        assert_eq!(rounded(-1.26, 2.4), (-1.5, 2.5));
+        assert_eq!(rounded(7.0, 7.0), (7.0, 7.0));
     }
 
     #[test]
@@ -398,6 +427,14 @@ mod tests {
             span.is_some_and(|s| s.least < 11.0 && s.most < 25.0),
             "{span:?}"
         );
+        // Nor does one near object of a few points in a hundred, …
+        let near = (0..30).map(|_| 90.0);
+        let span = Span::of((0..970).map(|i| 10.0 + i as f32 / 97.0).chain(near));
+        assert!(span.is_some_and(|s| s.most < 24.0), "{span:?}");
+        // … but one of many.
+        let near = (0..300).map(|_| 90.0);
+        let span = Span::of((0..700).map(|i| 10.0 + i as f32 / 70.0).chain(near));
+        assert!(span.is_some_and(|s| s.most > 80.0), "{span:?}");
         assert_eq!(Span::of([f32::NAN].into_iter()), None);
         assert_eq!(
             Span::of([7.0; 4].into_iter()).map(|s| s.share(7.0)),

@@ -37,7 +37,9 @@ fn weight(topic: &str) -> Option<usize> {
         ["edges" | "curves" | "tables", _, channel] if is_variance(channel) => Some(100),
         ["matches", channel] if is_variance(channel) => Some(100),
         ["camera", _, what] if OF_CAMERA.contains(what) => Some(1),
-        ["disparity", "picture"] | ["map", "growing"] => Some(1),
+        ["disparity", "picture" | "error" | "confidence"] => Some(1),
+        ["disparity", "picture" | "error" | "confidence", "legend"] => Some(1),
+        ["map", "growing" | "whole"] => Some(1),
         [single] if SINGLE.contains(single) => Some(1),
         _ => None,
     }

@@ -13,7 +13,7 @@ use messages::bus::{
 };
 use messages::ledger::Ledger;
 use messages::record::{Channel, Codec, Content, Encoder, Level, Shown, Sink};
-use messages::{Kind, Topic};
+use messages::{AnyView, Kind, Topic};
 use serde_json::Value;
 
 use crate::Settings;
@@ -158,7 +158,8 @@ fn needs(content: &Content, made: &[Kind]) -> Vec<Kind> {
             vec![Kind::Curves, Kind::Matches, Kind::Points]
         }
         Content::Rejected(_) => vec![Kind::Curves, Kind::Matches],
-        Content::Picture => vec![Kind::Disparity, Kind::Points],
+        Content::Picture(pictured) | Content::Legend(pictured) => pictured.kinds().to_vec(),
+        Content::Whole => vec![Kind::Map],
         Content::Statistics => made.to_vec(),
         // They are said with every scan, whatever it holds.
         Content::Transforms | Content::Calibration(_) => made.iter().take(1).copied().collect(),
@@ -249,7 +250,7 @@ impl<'a> Viewing<'a> {
         let server = Server::start(settings, offer)?;
         server.tell_graph(graph_of(run, &channels));
         turn_parameters(run, &server)?;
-        Ok(Self {
+        let mut viewing = Self {
             run,
             encoder: Encoder::new(codec, channels).standing_alone(),
             out: Out {
@@ -271,7 +272,9 @@ impl<'a> Viewing<'a> {
             last: None,
             sought: None,
             guests: 0,
-        })
+        };
+        viewing.choose()?;
+        Ok(viewing)
     }
 
     /// Where viewers find it.
@@ -303,10 +306,10 @@ impl<'a> Viewing<'a> {
     }
 
     fn patience(&self) -> Duration {
-        match (self.has_more, &self.guest) {
+        match (self.has_more, self.out.server.has_subscriptions()) {
             (true, _) => Duration::ZERO,
-            (false, Some(_)) => LOOK_EVERY,
-            (false, None) => IDLE,
+            (false, true) => LOOK_EVERY,
+            (false, false) => IDLE,
         }
     }
 
@@ -443,10 +446,10 @@ impl<'a> Viewing<'a> {
         self.out.server.tell_playback(is_sought);
     }
 
-    /// Listens to what somebody is subscribed to, and to nothing else.
+    /// Listens to what somebody is subscribed to, and to nothing else but the map: whoever comes later sees all of it.
     fn choose(&mut self) -> Result<(), LiveError> {
         let made = self.run.kinds();
-        let mut kinds = Vec::new();
+        let mut kinds = needs(&Content::Whole, &made);
         for (index, channel) in self.encoder.channels().iter().enumerate() {
             if self.out.server.is_wanted(index) {
                 kinds.extend(needs(&channel.content, &made));
@@ -481,8 +484,13 @@ impl<'a> Viewing<'a> {
                 playback.nanos = nanos;
             }
         }
-        if self.out.server.admit() {
-            let views = scan.views()?;
+        let views = scan.views()?;
+        for (_, message) in &views {
+            if let AnyView::Map(map) = message {
+                self.encoder.recall(scan.sequence, *map);
+            }
+        }
+        if self.out.server.has_subscriptions() && self.out.server.admit() {
             self.out.server.time(nanos);
             self.encoder.encode(&views, &mut self.out);
         }

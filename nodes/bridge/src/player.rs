@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
+use messages::record::WHOLE;
 use messages::recording::{ReadError, Recording};
 
 use crate::Settings;
@@ -25,6 +26,9 @@ pub enum PlayerError {
 
 /// How often viewers are told where it is, and it is looked whether to end.
 const TICK: Duration = Duration::from_millis(40);
+
+/// Scans before one that is sought in which the last of what is not said with every scan is looked for.
+const MOST_BEFORE: usize = 64;
 
 /// How long after the newest subscription the first play begins: viewers subscribe to topic after topic.
 const SETTLED: Duration = Duration::from_millis(300);
@@ -342,6 +346,7 @@ impl Film {
 
     /// Sends the scan that is to be seen, as far as somebody is subscribed.
     fn show(&mut self, server: &mut Server) -> Result<(), PlayerError> {
+        let is_sought = self.is_due;
         (self.is_due, self.is_left_out) = (false, false);
         let (scan, nanos) = self.scans[self.shown];
         let is_wanted = |topic: &str| {
@@ -359,7 +364,28 @@ impl Film {
                 server.send(*index, nanos, message);
             }
         }
+        // Of what is not said with every scan whoever came here by a seek sees the last there was.
+        let is_said = scan.messages().any(|(topic, _)| topic == WHOLE);
         self.recording.reuse(scan);
+        let whole = self.indices.get(WHOLE).copied();
+        if let Some(index) = whole.filter(|index| is_sought && !is_said && server.is_wanted(*index)) {
+            self.show_whole(index, server)?;
+        }
+        Ok(())
+    }
+
+    /// Sends the last map that the scans before had.
+    fn show_whole(&mut self, index: usize, server: &mut Server) -> Result<(), PlayerError> {
+        let before = self.scans[..self.shown].iter().rev();
+        for &(scan, nanos) in before.take(MOST_BEFORE) {
+            let scan = self.recording.scan_of(scan, |topic| topic == WHOLE)?;
+            let whole = scan.message(WHOLE).map(<[u8]>::to_vec);
+            self.recording.reuse(scan);
+            if let Some(whole) = whole {
+                server.send(index, nanos, &whole);
+                break;
+            }
+        }
         Ok(())
     }
 }

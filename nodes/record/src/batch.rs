@@ -131,7 +131,7 @@ pub(crate) fn channel_id(index: usize) -> u16 {
 pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
     // What is drawn over an image is drawn only where that is recorded.
     let is_drawn = settings.keep == Keep::All;
-    let is_pictured = settings.views && settings.keep != Keep::Proof;
+    let is_pictured = (settings.views || settings.inspected) && settings.keep != Keep::Proof;
     let is_shown = |kind: &Kind| match kind {
         Kind::Curves | Kind::Matches => {
             is_drawn && (settings.views || settings.labels || settings.rejected)
@@ -161,6 +161,7 @@ pub fn encoder(
     let codec = Codec::new(rig.clone(), reference);
     let shown = Shown {
         views: settings.views,
+        inspected: settings.inspected,
         labels: settings.labels,
         rejected: settings.rejected,
         cameras,

@@ -459,7 +459,7 @@ pub fn side_by_side(
     let of_b: Owned<Points> = b.read(scan, &topic_b)?;
     let size = of_a.header.size();
     let [of_a, of_b] = [of_a.view().points, of_b.view().points];
-    let span = Span::of(of_a.iter().chain(of_b).map(|point| point.disparity));
+    let span = Span::of(of_a.iter().chain(of_b).map(|point| point.disparity)).map(Span::rounded);
     let colours = Colours::new();
     let (width, height) = (size.width as usize, size.height as usize);
     let whole = Size::new((3 * width + 2 * GAP) as u32, height as u32);

@@ -299,7 +299,7 @@ fn map_ply(recording: &mut Recording, path: &Path) -> Result<usize, ExportError>
         points.len(),
     )
     .into_bytes();
-    let span = Span::of(points.iter().map(|point| point.disparity));
+    let span = Span::of(points.iter().map(|point| point.disparity)).map(Span::rounded);
     let colours = Colours::default();
     for p in &points {
         bytes.extend(

@@ -361,13 +361,13 @@ impl fmt::Display for Info {
             .max(6);
         writeln!(
             f,
-            "\n  {:<width$}  {:<schema$}  {:<8}  {:>7}  {:>8}",
+            "\n  {:<width$}  {:<schema$}  {:<8} {:>6} {:>7}",
             "topic", "schema", "encoding", "count", "rate Hz"
         )?;
         for t in &self.topics {
             writeln!(
                 f,
-                "  {:<width$}  {:<schema$}  {:<8}  {:>7}  {:>8.2}",
+                "  {:<width$}  {:<schema$}  {:<8} {:>6} {:>7.2}",
                 t.topic, t.schema, t.encoding, t.count, t.rate_hz
             )?;
         }

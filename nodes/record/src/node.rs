@@ -10,8 +10,9 @@ use messages::bus::{
     Start,
 };
 use messages::ledger::{Ledger, Seen};
-use messages::record::{Digests, Level};
-use messages::{Reference, Rig};
+use messages::record::{Digests, Level, WHOLE};
+use messages::recording::{ReadError, Recording};
+use messages::{Kind, Map, Owned, Reference, Rig, Topic};
 
 use crate::writer::now_nanos;
 use crate::{
@@ -56,7 +57,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     let done = bus.finisher()?;
     let metadata = metadata(bus, start);
     let made = bus.run().kinds();
-    let encoder = encoder(
+    let mut encoder = encoder(
         &metadata.rig,
         metadata.reference,
         &made,
@@ -64,6 +65,12 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
         &settings,
     );
     let writer = open(bus, &settings, &metadata, &encoder, start)?;
+    if start.resume.admitted > 0
+        && let Err(error) = recall(&mut encoder, Path::new(&settings.file))
+    {
+        let text = format!("{WHOLE} has only what is settled from now on: {error}");
+        bus.log(bus::Level::Warn, text);
+    }
     let thread = spawn(writer, notify(bus)).map_err(RecordError::Thread)?;
     let done_below = start.resume.done_below.max(settings.skip);
     let mut recorder = Recorder::new(encoder, thread, done, done_below);
@@ -170,6 +177,25 @@ fn open(
         bus.log(bus::Level::Info, text);
     }
     Ok(writer)
+}
+
+/// Lets the whole map have what a recording holds of it already.
+///
+/// # Errors
+/// When that cannot be read.
+pub(crate) fn recall(encoder: &mut Encoder, path: &Path) -> Result<(), ReadError> {
+    if !encoder.says_whole() {
+        return Ok(());
+    }
+    let mut recording = Recording::open(path)?;
+    let maps = Topic::of(&recording.metadata().rig, Kind::Map);
+    for scan in recording.scans_with(&maps) {
+        for topic in &maps {
+            let map: Owned<Map> = recording.read(scan, topic)?;
+            encoder.recall(scan, map.view());
+        }
+    }
+    Ok(())
 }
 
 thread_local! {
@@ -315,6 +341,9 @@ impl Recorder {
             let (sequence, nanos) = self.last.unwrap_or_else(|| (0, now_nanos()));
             batch.close(sequence, nanos);
             self.write_log(&mut batch);
+            if self.last.is_some() {
+                self.encoder.end(sequence, &mut batch);
+            }
             if let Some(ledger) = ledger {
                 self.encoder.ledger(ledger, &mut batch);
                 for fault in ledger.faults() {

@@ -51,7 +51,7 @@ impl Keep {
             (_, Content::Annotations(_) | Content::Labels(_) | Content::Rejected(_)) => {
                 self == Self::All
             }
-            (_, Content::Picture) => self != Self::Proof,
+            (_, Content::Picture(_) | Content::Legend(_) | Content::Whole) => self != Self::Proof,
             (
                 _,
                 Content::Transforms
@@ -97,6 +97,9 @@ messages::settings! {
         pub chunk_bytes: u64 = 1_048_576, in 65_536..=1_073_741_824;
         /// Whether views for people are recorded too: curves over each image, the disparity picture in colours.
         pub views: bool = true;
+        /// Whether pictures of the points' errors, where the source knows a truth, and of their confidence are recorded too, as
+        /// `disparity/error` and `disparity/confidence`. Viewers of a running graph see them in any case.
+        pub inspected: bool = false;
         /// Whether what can be said of matched curves is recorded over each image too, as `camera/VIEW/labels`: number,
         /// score and disparity of the longest ones. Viewers of a running graph see them in any case.
         pub labels: bool = false;

@@ -8,6 +8,7 @@ use messages::ledger::Seen;
 use messages::recording::Recording;
 
 use super::{RehydrateError, Rehydrator, Settings, full_metadata, full_settings};
+use crate::node::recall;
 use crate::{Batch, Writer, encoder};
 
 /// Writes every scan that is what was recorded, until told to stop.
@@ -22,21 +23,25 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Rehyd
     written_as.without.extend(&settings.without);
     let cameras = proof.channels().contains_key("synchronisation");
     let made = bus.run().kinds();
-    let encoder = encoder(
+    let mut encoder = encoder(
         &metadata.rig,
         metadata.reference,
         &made,
         cameras,
         &written_as,
     );
-    let mut rehydrator = Rehydrator::new(encoder, &left_out);
     let mut scans = bus.joins(&bus.run().taken_by(bus.name()))?;
     let done = bus.finisher()?;
     let path = Path::new(&settings.output);
     let mut writer = match start.life {
-        0 => Writer::create(path, true, &metadata, rehydrator.encoder(), &written_as)?,
-        _ => Writer::resume(path, &metadata, rehydrator.encoder(), &written_as)?.0,
+        0 => Writer::create(path, true, &metadata, &encoder, &written_as)?,
+        _ => {
+            let (writer, _) = Writer::resume(path, &metadata, &encoder, &written_as)?;
+            recall(&mut encoder, path)?;
+            writer
+        }
     };
+    let mut rehydrator = Rehydrator::new(encoder, &left_out);
     let (changes, mut noted) = (proof.changes(), 0);
     let ledger = proof.ledger();
     let mut written = Seen::default();
@@ -50,6 +55,9 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Rehyd
             let recorded = proof.scan(number)?;
             let mut views = scan.views()?;
             rehydrator.scan(&recorded, &mut views, &mut batch)?;
+            if settings.scans.last() == Some(&number) {
+                rehydrator.encoder().end(number, &mut batch);
+            }
             proof.reuse(recorded);
             let held = changes.iter().filter(|change| change.from <= number);
             let held = held.count();

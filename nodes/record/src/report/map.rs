@@ -60,7 +60,7 @@ pub(super) fn section(out: &mut String, recording: &mut Recording) -> Result<(),
                     Eye::above(),
                 ),
             ];
-            let span = Span::of(points.iter().map(|point| point.disparity));
+            let span = Span::of(points.iter().map(|point| point.disparity)).map(Span::rounded);
             match span {
                 Some(span) => space::views(out, &points, span, unit, &eyes)?,
                 None => missing(out, "There are no points in the map")?,

@@ -100,7 +100,7 @@ impl<'a> Drawn<'a> {
         let pictured = picture.iter().flat_map(|m| m.view().disparity).copied();
         let placed = points.iter().flat_map(|m| m.view().points);
         let placed = placed.map(|point| point.disparity);
-        let span = Span::of(matched.chain(pictured).chain(placed));
+        let span = Span::of(matched.chain(pictured).chain(placed)).map(Span::rounded);
         Self {
             recording,
             sheet: Sheet::of(size),
