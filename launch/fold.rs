@@ -8,7 +8,7 @@ use std::os::fd::AsFd;
 const LEAST: usize = 20;
 
 /// The text as it is written to this stream: elsewhere than at a terminal just as it is.
-pub(crate) fn folded(text: &str, stream: impl AsFd + IsTerminal) -> Cow<'_, str> {
+pub(crate) fn folded<'a>(text: &'a str, stream: &(impl AsFd + IsTerminal)) -> Cow<'a, str> {
     if !stream.is_terminal() {
         return Cow::Borrowed(text);
     }
@@ -50,10 +50,12 @@ fn at(text: &str, width: usize) -> Cow<'_, str> {
 /// Where a line is cut that has more letters than there is room for: before its last word that does not fit; `None` where
 /// nothing is to be cut, or no word ends.
 fn cut(line: &str, room: usize) -> Option<usize> {
-    let (end, _) = line.char_indices().nth(room)?;
+    let (end, beyond) = line.char_indices().nth(room)?;
     let text = line.len() - line.trim_start_matches(' ').len();
     let is_between = |at: &usize| *at > text;
-    let before = line[..=end.min(line.len() - 1)].rfind(' ').filter(is_between);
+    let before = line[..end + beyond.len_utf8()]
+        .rfind(' ')
+        .filter(is_between);
     // A word that is longer than the terminal is wide, as a path, stays whole.
     before.or_else(|| Some(end + line[end..].find(' ')?))
 }
@@ -76,7 +78,11 @@ mod tests {
             at(text, 24),
             "  key: the quick brown\n    fox jumps over the\n    lazy dog\nshort\n"
         );
-        let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        let words = |text: &str| {
+            text.split_whitespace()
+                .map(str::to_owned)
+                .collect::<Vec<_>>()
+        };
         assert_eq!(words(&at(text, 20)), words(text));
     }
 

@@ -89,7 +89,10 @@ fn along_a_rail(layout: &str) -> Option<String> {
     deviation["foxglovePanelTitle"] = json!("map by its standard deviation");
     let topics = deviation.get_mut("topics")?.as_object_mut()?;
     topics.retain(|name, _| name != Kind::Points.name());
-    for shown in topics.values_mut().filter(|shown| shown.get("colorField").is_some()) {
+    for shown in topics
+        .values_mut()
+        .filter(|shown| shown.get("colorField").is_some())
+    {
         shown["colorField"] = json!("sigma");
     }
     panels.insert("3D!deviation".to_owned(), deviation);
@@ -231,9 +234,10 @@ pub(crate) fn checked(
 ) -> Result<Checked, String> {
     match own {
         None if viewer == Viewer::Rerun => Ok(check::topics(&rerun::topics(codec), there)),
-        Some(_) if viewer == Viewer::Rerun => {
-            Err("a script for Rerun cannot be checked, only layouts of Foxglove and Lichtblick".to_owned())
-        }
+        Some(_) if viewer == Viewer::Rerun => Err(
+            "a script for Rerun cannot be checked, only layouts of Foxglove and Lichtblick"
+                .to_owned(),
+        ),
         Some(layout) => check(layout, there, viewer),
         None => {
             let wanted = Wanted {
@@ -309,7 +313,10 @@ fn keep(layout: &mut Value, is_kept: impl Fn(&str) -> bool) {
         *tree = pruned(replaced, &left).unwrap_or_default();
     }
     // Panels that have no place any more.
-    let text = layout.get("layout").map(Value::to_string).unwrap_or_default();
+    let text = layout
+        .get("layout")
+        .map(Value::to_string)
+        .unwrap_or_default();
     if let Some(panels) = layout.get_mut("configById").and_then(Value::as_object_mut) {
         let tabs: String = panels
             .values()

@@ -433,10 +433,12 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
 fn checked(args: &Args, codec: &Codec, there: &There) -> Result<Outcome, Failure> {
     let own = args.check.iter().flatten().next();
     let own = own.map(|path| {
-        fs::read_to_string(path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+        fs::read_to_string(path)
+            .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
     });
     let own = own.transpose()?;
-    let checked = layout::checked(own.as_deref(), codec, there, args.viewer).map_err(Failure::failed)?;
+    let checked =
+        layout::checked(own.as_deref(), codec, there, args.viewer).map_err(Failure::failed)?;
     let Checked {
         panels,
         references,

@@ -124,7 +124,10 @@ pub(super) fn references_of(panels: &Map<String, Value>) -> Vec<Reference> {
         let paths = config.get("paths").and_then(Value::as_array);
         let paths = paths.into_iter().flatten();
         let paths = paths.filter_map(|path| path.get("value").and_then(Value::as_str));
-        for path in paths.chain(text("/topicPath")).chain(text("/xAxisPath/value")) {
+        for path in paths
+            .chain(text("/topicPath"))
+            .chain(text("/xAxisPath/value"))
+        {
             let (topic, field) = parted(path);
             add(topic, field, false);
         }

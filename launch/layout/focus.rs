@@ -44,7 +44,9 @@ impl Focus {
                 true => {
                     let map: Owned<Map> = recording.read(scan, &topic)?;
                     let points = map.view().points;
-                    take(points, &mut places, |p| [p.x, p.y, p.z, p.disparity, p.sigma]);
+                    take(points, &mut places, |p| {
+                        [p.x, p.y, p.z, p.disparity, p.sigma]
+                    });
                 }
                 false => {
                     let found: Owned<Points> = recording.read(scan, &topic)?;
@@ -143,7 +145,15 @@ mod tests {
     #[test]
     fn the_middle_lies_between_the_cameras_and_most_points_and_strays_do_not_move_it() {
         let mut places: Vec<[f32; 5]> = (0..1000)
-            .map(|i| [0.1 + 0.0002 * i as f32, -0.1, 1.0, 20.0 + 0.01 * i as f32, 0.0])
+            .map(|i| {
+                [
+                    0.1 + 0.0002 * i as f32,
+                    -0.1,
+                    1.0,
+                    20.0 + 0.01 * i as f32,
+                    0.0,
+                ]
+            })
             .collect();
         places.push([500.0, -300.0, 9000.0, 64.0, 0.0]);
         let focus = Focus::on(&places, false).unwrap();

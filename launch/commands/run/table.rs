@@ -221,10 +221,7 @@ impl fmt::Display for Summary {
         if let Some(path) = &self.recording {
             let path = path.display();
             writeln!(f, "\nrecording: {path}")?;
-            writeln!(
-                f,
-                "  look at it:  tricurve view {path}"
-            )?;
+            writeln!(f, "  look at it:  tricurve view {path}")?;
             writeln!(f, "  what is in:  tricurve info {path}")?;
             if self.has_images {
                 // The first frames of a rail have no triple, and its map is of all.

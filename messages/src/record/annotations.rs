@@ -187,7 +187,10 @@ impl Labels {
         let height = self.legend;
         self.told += 1.2 * height;
         let corner = [GAP, self.told];
-        let extent = [self.width_of(self.text.len()) * height / self.height, height];
+        let extent = [
+            self.width_of(self.text.len()) * height / self.height,
+            height,
+        ];
         self.places.mark(corner, extent, self.height / 2.0);
         sheet.text(corner, &self.text, height, colour);
     }

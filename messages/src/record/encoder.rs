@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use super::pictures::Seen;
 use super::whole::Whole;
-use super::{Beside, Channel, Codec, Content, Digest, Digests, Histogram, Level, Span, Statistics, Views};
+use super::{
+    Beside, Channel, Codec, Content, Digest, Digests, Histogram, Level, Span, Statistics, Views,
+};
 use crate::header::{Header, NONE, Size};
 use crate::health::Health;
 use crate::ledger::Ledger;
@@ -77,8 +79,13 @@ impl Encoder {
     pub fn end(&self, sequence: u64, sink: &mut impl Sink) {
         let nanos = sink.nanos();
         let is_due = self.whole.is_due(sequence);
-        if let Some(index) = self.index(&Content::Whole).filter(|index| !is_due && sink.wants(*index)) {
-            sink.add(index, |out| self.codec.whole(nanos, self.size, &self.whole, out));
+        if let Some(index) = self
+            .index(&Content::Whole)
+            .filter(|index| !is_due && sink.wants(*index))
+        {
+            sink.add(index, |out| {
+                self.codec.whole(nanos, self.size, &self.whole, out)
+            });
         }
     }
 
@@ -263,10 +270,14 @@ impl Encoder {
                     }
                 }
                 Content::Picture(pictured) if seen.has(*pictured) => {
-                    sink.add(index, |out| views.picture(codec, first, *pictured, &seen, out));
+                    sink.add(index, |out| {
+                        views.picture(codec, first, *pictured, &seen, out)
+                    });
                 }
                 Content::Legend(pictured) if seen.has(*pictured) => {
-                    sink.add(index, |out| views.legend(codec, first, *pictured, span, out));
+                    sink.add(index, |out| {
+                        views.legend(codec, first, *pictured, span, out)
+                    });
                 }
                 Content::Picture(_) | Content::Legend(_) => {}
                 Content::Whole => {

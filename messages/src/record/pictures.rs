@@ -120,7 +120,9 @@ impl Views {
         span: Option<Span>,
         out: &mut Vec<u8>,
     ) {
-        let Self { colours, labels, .. } = self;
+        let Self {
+            colours, labels, ..
+        } = self;
         let mut sheet = Sheet::new(header.capture_nanos, out);
         labels.begin(header.size());
         match (pictured, span) {
@@ -208,7 +210,9 @@ fn error(truth: &[f32], size: Size, point: &Point) -> Option<f32> {
     let near = (at - NEAR).max(first)..=(at + NEAR).min(last);
     let known = near.filter_map(|at| truth.get(at as usize));
     let errors = known.map(|truth| (truth - point.disparity).abs());
-    errors.filter(|error| error.is_finite()).min_by(f32::total_cmp)
+    errors
+        .filter(|error| error.is_finite())
+        .min_by(f32::total_cmp)
 }
 
 /// Where the chance that a point of this score is wrong lies among the colours.

@@ -57,9 +57,30 @@ impl Colours {
 
 /// A colour of Turbo, from the polynomials of R. Du for it (2019).
 fn turbo(share: f32) -> [u8; 3] {
-    const RED: [f32; 6] = [0.135_721_38, 4.615_392_6, -42.660_324, 132.131_09, -152.942_4, 59.286_38];
-    const GREEN: [f32; 6] = [0.091_402_61, 2.194_188_4, 4.842_966_6, -14.185_033, 4.277_298_6, 2.829_566];
-    const BLUE: [f32; 6] = [0.106_673_3, 12.641_946, -60.582_05, 110.362_77, -89.903_11, 27.348_25];
+    const RED: [f32; 6] = [
+        0.135_721_38,
+        4.615_392_6,
+        -42.660_324,
+        132.131_09,
+        -152.942_4,
+        59.286_38,
+    ];
+    const GREEN: [f32; 6] = [
+        0.091_402_61,
+        2.194_188_4,
+        4.842_966_6,
+        -14.185_033,
+        4.277_298_6,
+        2.829_566,
+    ];
+    const BLUE: [f32; 6] = [
+        0.106_673_3,
+        12.641_946,
+        -60.582_05,
+        110.362_77,
+        -89.903_11,
+        27.348_25,
+    ];
     let level = |terms: [f32; 6]| {
         let value = terms.iter().rev().fold(0.0, |sum, term| sum * share + term);
         (255.0 * value.clamp(0.0, 1.0)).round() as u8
@@ -153,8 +174,12 @@ impl Span {
             return self;
         }
         // A tenth of the span, rounded to 1, 2 or 5 times a power of ten.
-        let step = [1.0, 2.0, 5.0, 10.0].map(|step| step * 10f32.powf((width / 10.0).log10().floor()));
-        let step = step.into_iter().find(|step| *step >= width / 10.0).unwrap_or(width);
+        let step =
+            [1.0, 2.0, 5.0, 10.0].map(|step| step * 10f32.powf((width / 10.0).log10().floor()));
+        let step = step
+            .into_iter()
+            .find(|step| *step >= width / 10.0)
+            .unwrap_or(width);
         Self {
             least: (self.least / step).floor() * step,
             most: (self.most / step).ceil() * step,
@@ -381,10 +406,20 @@ mod tests {
         let apart = |a: [u8; 3], b: [u8; 3]| -> u32 {
             a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(b))).sum()
         };
-        assert!(steps.windows(2).all(|pair| (1..16).contains(&apart(pair[0], pair[1]))));
+        assert!(
+            steps
+                .windows(2)
+                .all(|pair| (1..16).contains(&apart(pair[0], pair[1])))
+        );
         let strongest = |rgb: [u8; 3]| (0..3).max_by_key(|&part| rgb[part]);
-        assert_eq!([0, 128, 255].map(|step| strongest(steps[step])), [Some(2), Some(1), Some(0)]);
-        assert!(steps.iter().all(|rgb| rgb.iter().max() >= Some(&150)), "{steps:?}");
+        assert_eq!(
+            [0, 128, 255].map(|step| strongest(steps[step])),
+            [Some(2), Some(1), Some(0)]
+        );
+        assert!(
+            steps.iter().all(|rgb| rgb.iter().max() >= Some(&150)),
+            "{steps:?}"
+        );
     }
 
     #[test]

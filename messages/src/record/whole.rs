@@ -115,7 +115,12 @@ mod tests {
     fn few_points_are_all_there_and_a_frame_that_comes_again_counts_once() {
         let mut whole = Whole::default();
         for number in [0, 1, 1, 0, 2] {
-            whole.add(number, MapView { points: &frame(number, 100) });
+            whole.add(
+                number,
+                MapView {
+                    points: &frame(number, 100),
+                },
+            );
         }
         assert_eq!(whole.spots().len(), 300);
     }
@@ -124,7 +129,12 @@ mod tests {
     fn of_many_points_a_fair_share_of_every_frame_stays_whenever_they_came() {
         let mut whole = Whole::default();
         for number in 0..100 {
-            whole.add(number, MapView { points: &frame(number, 4000) });
+            whole.add(
+                number,
+                MapView {
+                    points: &frame(number, 4000),
+                },
+            );
         }
         let spots = whole.spots();
         assert!((MOST / 3..=MOST).contains(&spots.len()), "{}", spots.len());

@@ -368,7 +368,8 @@ impl Film {
         let is_said = scan.messages().any(|(topic, _)| topic == WHOLE);
         self.recording.reuse(scan);
         let whole = self.indices.get(WHOLE).copied();
-        if let Some(index) = whole.filter(|index| is_sought && !is_said && server.is_wanted(*index)) {
+        if let Some(index) = whole.filter(|index| is_sought && !is_said && server.is_wanted(*index))
+        {
             self.show_whole(index, server)?;
         }
         Ok(())
