@@ -9,9 +9,13 @@ pub struct Canny {
     /// Squares of the thresholds.
     low: i32,
     high: i32,
-    gradients: Vec<(i32, i32)>,
-    /// Down each column: the sum weighted as in the kernel, and the difference.
-    sums: Vec<(i32, i32)>,
+    /// Gradients across and down, side by side in memory: at most 1,020, so that many are found at a time.
+    across: Vec<i16>,
+    down: Vec<i16>,
+    /// Down each column, and once more beyond both ends of the row: the sum weighted as in the kernel, and …
+    sums: Vec<i16>,
+    /// … the difference.
+    steps: Vec<i16>,
     /// Squares of the magnitudes, with a border of zeros.
     magnitudes: Vec<i32>,
     /// Edge pixels whose neighbours are still to be looked at.
@@ -62,34 +66,44 @@ impl Canny {
     /// Gradients by 3×3 Sobel; beyond its sides the picture goes on as its last row and column.
     fn sobel(&mut self, pixels: &[u8], size: Size) {
         let (width, height) = (size.width as usize, size.height as usize);
-        self.gradients.clear();
-        self.gradients.resize(size.pixels(), (0, 0));
+        for gradients in [&mut self.across, &mut self.down] {
+            gradients.clear();
+            gradients.resize(size.pixels(), 0);
+        }
         // Beyond its sides there is no gradient.
         self.magnitudes.clear();
         self.magnitudes.resize((width + 2) * (height + 2), 0);
-        self.sums.resize(width, (0, 0));
+        let (sums, steps) = (&mut self.sums, &mut self.steps);
+        sums.resize(width + 2, 0);
+        steps.resize(width + 2, 0);
         for y in 0..height {
             let row = |y: usize| &pixels[y * width..][..width];
-            let (above, here, below) = (
-                row(y.saturating_sub(1)),
-                row(y),
-                row((y + 1).min(height - 1)),
-            );
-            for (sum, ((above, here), below)) in
-                self.sums.iter_mut().zip(above.iter().zip(here).zip(below))
+            let rows = row(y.saturating_sub(1))
+                .iter()
+                .zip(row(y))
+                .zip(row((y + 1).min(height - 1)));
+            for ((sum, step), ((above, here), below)) in
+                sums[1..].iter_mut().zip(&mut steps[1..]).zip(rows)
             {
-                let [above, here, below] = [above, here, below].map(|gray| i32::from(*gray));
-                *sum = (above + 2 * here + below, below - above);
+                let [above, here, below] = [above, here, below].map(|gray| i16::from(*gray));
+                (*sum, *step) = (above + 2 * here + below, below - above);
             }
-            let gradients = &mut self.gradients[y * width..][..width];
+            for column in [&mut *sums, &mut *steps] {
+                (column[0], column[width + 1]) = (column[1], column[width]);
+            }
+            let across = &mut self.across[y * width..][..width];
+            for ((across, left), right) in across.iter_mut().zip(&*sums).zip(&sums[2..]) {
+                *across = right - left;
+            }
+            let down = &mut self.down[y * width..][..width];
+            let beside = steps.iter().zip(&steps[1..]).zip(&steps[2..]);
+            for (down, ((left, here), right)) in down.iter_mut().zip(beside) {
+                *down = left + 2 * here + right;
+            }
             let magnitudes = &mut self.magnitudes[(y + 1) * (width + 2) + 1..][..width];
-            for (x, (gradient, magnitude)) in gradients.iter_mut().zip(magnitudes).enumerate() {
-                let left = self.sums[x.saturating_sub(1)];
-                let right = self.sums[(x + 1).min(width - 1)];
-                let dx = right.0 - left.0;
-                let dy = left.1 + 2 * self.sums[x].1 + right.1;
-                *gradient = (dx, dy);
-                *magnitude = dx * dx + dy * dy;
+            for (magnitude, (across, down)) in magnitudes.iter_mut().zip(across.iter().zip(down)) {
+                let [across, down] = [*across, *down].map(i32::from);
+                *magnitude = across * across + down * down;
             }
         }
     }
@@ -109,7 +123,7 @@ impl Canny {
                     continue;
                 }
                 let place = y * width + x;
-                let (dx, dy) = self.gradients[place];
+                let [dx, dy] = [self.across[place], self.down[place]].map(i32::from);
                 let (across, down) = (i64::from(dx.abs()), i64::from(dy.abs()) << SHIFT);
                 let flat = across * TANGENT;
                 let steep = flat + (across << (SHIFT + 1));

@@ -43,6 +43,12 @@ pub struct Tabulator {
     weights: Vec<f32>,
     /// What is sorted: a value above, a point's index below.
     keys: Vec<u64>,
+    /// A bit for every pixel that has a point, in whole words a row.
+    taken: Vec<u64>,
+    /// The first point of every pixel that has one; of others what was left there.
+    first: Vec<u32>,
+    /// The points of one pixel.
+    shared: Vec<u64>,
 }
 
 impl Tabulator {
@@ -53,6 +59,9 @@ impl Tabulator {
             settings: settings.clone(),
             weights: Vec::with_capacity(points),
             keys: Vec::with_capacity(points),
+            taken: Vec::with_capacity(words(max) * max.height as usize),
+            first: vec![0; 64 * words(max) * max.height as usize],
+            shared: Vec::with_capacity(points),
         }
     }
 
@@ -118,43 +127,72 @@ impl Tabulator {
     }
 
     /// Sorts all points by row, then column; gives the number of those passed over.
+    ///
+    /// Nearly every pixel has one point at most, so they are sorted by pixel: each is put where its pixel is, and those that
+    /// are there are collected. Only where curves branch, or what came is damaged, do several share one.
     fn index_rows(&mut self, points: &[Edge], size: Size, room: &mut TablesRoom<'_>) -> usize {
         let starts = room.rows.grow(size.height as usize + 1);
         starts.fill(0);
-        if starts.is_empty() {
+        let Some((last, rows)) = starts.split_last_mut() else {
             return points.len();
-        }
+        };
         // A room for smaller images has fewer rows; what lies below them is passed over.
-        let size = Size::new(size.width, starts.len() as u32 - 1);
-        let mut indexed = 0;
-        for point in points.iter().filter(|point| is_sound(point, size)) {
-            starts[point.y as usize + 1] += 1;
-            indexed += 1;
-        }
-        for row in 1..starts.len() {
-            starts[row] += starts[row - 1];
+        let size = Size::new(size.width, rows.len() as u32);
+        let words = words(size);
+        self.taken.clear();
+        self.taken.resize(words * rows.len(), 0);
+        if self.first.len() < 64 * self.taken.len() {
+            self.first.resize(64 * self.taken.len(), 0);
         }
         self.keys.clear();
-        self.keys.resize(indexed, 0);
-        for (i, point) in (0..).zip(points).filter(|(_, point)| is_sound(point, size)) {
-            let next = &mut starts[point.y as usize];
-            self.keys[*next as usize] = key(point.x, i);
-            *next += 1;
+        let mut skipped = 0;
+        for (i, point) in (0..).zip(points) {
+            if !is_sound(point, size) {
+                skipped += 1;
+                continue;
+            }
+            let pixel = 64 * words * point.y as usize + point.x as usize;
+            let (taken, bit) = (&mut self.taken[pixel / 64], 1 << (pixel % 64));
+            if *taken & bit == 0 {
+                *taken |= bit;
+                self.first[pixel] = i;
+            } else {
+                self.keys.push(((pixel as u64) << 32) | u64::from(i));
+            }
         }
-        // Every start has moved to its row's end, which is the next row's start.
-        starts.copy_within(..starts.len() - 1, 1);
-        starts[0] = 0;
-        for row in starts.windows(2) {
-            self.keys[row[0] as usize..row[1] as usize].sort_unstable();
+        self.keys.sort_unstable();
+        let pixel_of = |key: u64| (key >> 32) as usize;
+        let mut further = &self.keys[..];
+        for (row, start) in rows.iter_mut().enumerate() {
+            *start = room.order.len() as u32;
+            let taken = words * row..words * (row + 1);
+            for (word, &taken) in taken.clone().zip(&self.taken[taken]) {
+                let mut taken = taken;
+                while taken != 0 {
+                    let pixel = 64 * word + taken.trailing_zeros() as usize;
+                    taken &= taken - 1;
+                    let first = self.first[pixel];
+                    if further.first().is_none_or(|&key| pixel_of(key) != pixel) {
+                        room.order.push(first);
+                        continue;
+                    }
+                    let count = further.iter().take_while(|key| pixel_of(**key) == pixel);
+                    let (here, beyond) = further.split_at(count.count());
+                    further = beyond;
+                    let here = here.iter().map(|&key| key as u32);
+                    let here = std::iter::once(first).chain(here);
+                    self.shared.clear();
+                    self.shared
+                        .extend(here.map(|i| key(points[i as usize].x, i)));
+                    self.shared.sort_unstable();
+                    for &key in &self.shared {
+                        room.order.push(key as u32);
+                    }
+                }
+            }
         }
-        let order = room.order.grow(indexed);
-        for (slot, &key) in order.iter_mut().zip(&self.keys) {
-            *slot = key as u32;
-        }
-        for start in starts {
-            *start = (*start).min(order.len() as u32);
-        }
-        points.len() - indexed
+        *last = room.order.len() as u32;
+        skipped
     }
 
     /// Finds what every point's vote counts.
@@ -194,6 +232,11 @@ impl Tabulator {
     }
 }
 
+/// Words in which there is a bit for every pixel of a row.
+fn words(size: Size) -> usize {
+    (size.width as usize).div_ceil(64)
+}
+
 /// A key that sorts by value, then by index.
 fn key(value: f32, index: u32) -> u64 {
     // Floats sort like their bits, once those of negative ones are turned around.
@@ -206,11 +249,13 @@ fn key(value: f32, index: u32) -> u64 {
     (u64::from(sortable) << 32) | u64::from(index)
 }
 
-/// Whether a point lies inside the image and is made of numbers.
+/// Whether a point lies inside the image and is made of numbers. All is looked at before anything is decided: damage is
+/// rare, and one branch is less than six.
 fn is_sound(point: &Edge, size: Size) -> bool {
-    let inside = |place: f32, len: u32| place >= 0.0 && place <= len as f32 - 1.0;
+    let inside = |place: f32, len: u32| (place >= 0.0) & (place <= len as f32 - 1.0);
     inside(point.x, size.width)
-        && inside(point.y, size.height)
-        && point.orientation.is_finite()
-        && (0.0..f32::INFINITY).contains(&point.magnitude)
+        & inside(point.y, size.height)
+        & point.orientation.is_finite()
+        & (point.magnitude >= 0.0)
+        & (point.magnitude < f32::INFINITY)
 }
