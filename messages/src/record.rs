@@ -28,7 +28,7 @@ mod wire;
 
 pub use codec::{Beside, DecodeError, Recorded, Said};
 pub use encoder::{Encoder, Sink};
-pub use pictures::Pictured;
+pub use pictures::{Pictured, Seen};
 pub use proof::{DIGESTS, Digest, Digests, VERSIONS};
 pub use said::{CameraSaid, frame_said, places_said, size_said};
 pub use scene::{Level, SWAY};

@@ -6,7 +6,9 @@ use bytemuck::{Pod, Zeroable};
 use foxglove::Decode as _;
 use foxglove::messages as fg;
 use messages::payload::SECTIONS;
-use messages::record::{Beside, Codec, DecodeError, Level, Recorded, Said, Shown, Span, Views};
+use messages::record::{
+    Beside, Codec, DecodeError, Level, Pictured, Recorded, Said, Seen, Shown, Span, Views,
+};
 use messages::{
     AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Evaluation,
     Growing, Header, Image, Kind, List, Map, Match, Matches, NONE, Owned, Points, Rail, Raw,
@@ -907,10 +909,12 @@ fn foxglove_reads_curves_drawn_over_the_image_and_the_picture() {
     views.picture(
         &codec,
         &header,
-        messages::DisparityView {
-            disparity: &disparity,
+        Pictured::Disparity,
+        &Seen {
+            disparity: Some(&disparity),
+            span,
+            ..Seen::default()
         },
-        span,
         &mut bytes,
     );
     let read = fg::RawImage::decode(&*bytes).unwrap();

@@ -58,12 +58,15 @@ impl Pictured {
 
 /// What pictures are made of, of one scan.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Seen<'a> {
-    pub(super) disparity: Option<&'a [f32]>,
-    pub(super) points: Option<PointsView<'a>>,
-    pub(super) truth: Option<&'a [f32]>,
+pub struct Seen<'a> {
+    /// The disparity picture.
+    pub disparity: Option<&'a [f32]>,
+    /// The points in space.
+    pub points: Option<PointsView<'a>>,
+    /// The true disparities.
+    pub truth: Option<&'a [f32]>,
     /// What the colours of disparities are spread over.
-    pub(super) span: Option<Span>,
+    pub span: Option<Span>,
 }
 
 impl Seen<'_> {
@@ -80,7 +83,7 @@ impl Seen<'_> {
 impl Views {
     /// Appends a picture in colours, a `foxglove.RawImage` rgb8 in the reference view; it is black where what it shows is
     /// not there.
-    pub(super) fn picture(
+    pub fn picture(
         &self,
         codec: &Codec,
         header: &Header,
