@@ -66,7 +66,9 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Recor
     );
     let writer = open(bus, &settings, &metadata, &encoder, start)?;
     if start.resume.admitted > 0
-        && let Err(error) = recall(&mut encoder, Path::new(&settings.file))
+        && encoder.says_whole()
+        && let Err(error) = Recording::open(Path::new(&settings.file))
+            .and_then(|mut recording| recall(&mut encoder, &mut recording, u64::MAX))
     {
         let text = format!("{WHOLE} has only what is settled from now on: {error}");
         bus.log(bus::Level::Warn, text);
@@ -179,18 +181,21 @@ fn open(
     Ok(writer)
 }
 
-/// Lets the whole map have what a recording holds of it already.
+/// Lets the whole map have what a recording holds of it already, of the frames before this one.
 ///
 /// # Errors
 /// When that cannot be read.
-pub(crate) fn recall(encoder: &mut Encoder, path: &Path) -> Result<(), ReadError> {
+pub(crate) fn recall(
+    encoder: &mut Encoder,
+    recording: &mut Recording,
+    before: u64,
+) -> Result<(), ReadError> {
     if !encoder.says_whole() {
         return Ok(());
     }
-    let mut recording = Recording::open(path)?;
     let maps = Topic::of(&recording.metadata().rig, Kind::Map);
     for scan in recording.scans_with(&maps) {
-        for topic in &maps {
+        for topic in maps.iter().filter(|_| scan < before) {
             let map: Owned<Map> = recording.read(scan, topic)?;
             encoder.recall(scan, map.view());
         }

@@ -255,7 +255,10 @@ fn rejected_curves_are_recorded_over_the_images_only_when_asked_for() {
         let info = Info::of(&Recording::open(&path).unwrap());
         assert!(info.complete);
         let topics = info.topics.into_iter();
-        let topics = topics.filter(|topic| topic.schema == "foxglove.ImageAnnotations");
+        let is_over_an_image = |topic: &str| topic.starts_with("camera/");
+        let topics = topics.filter(|topic| {
+            topic.schema == "foxglove.ImageAnnotations" && is_over_an_image(&topic.topic)
+        });
         topics
             .map(|topic| (topic.topic, topic.count))
             .collect::<Vec<_>>()

@@ -32,12 +32,17 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Rehyd
     );
     let mut scans = bus.joins(&bus.run().taken_by(bus.name()))?;
     let done = bus.finisher()?;
+    // The whole map has the frames before those that are wanted too.
+    let first = settings.scans.first().copied().unwrap_or_default();
+    recall(&mut encoder, &mut proof, first)?;
     let path = Path::new(&settings.output);
     let mut writer = match start.life {
         0 => Writer::create(path, true, &metadata, &encoder, &written_as)?,
         _ => {
             let (writer, _) = Writer::resume(path, &metadata, &encoder, &written_as)?;
-            recall(&mut encoder, path)?;
+            if encoder.says_whole() {
+                recall(&mut encoder, &mut Recording::open(path)?, u64::MAX)?;
+            }
             writer
         }
     };
@@ -55,7 +60,7 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Rehyd
             let recorded = proof.scan(number)?;
             let mut views = scan.views()?;
             rehydrator.scan(&recorded, &mut views, &mut batch)?;
-            if settings.scans.last() == Some(&number) {
+            if proof.scans().next_back() == Some(number) {
                 rehydrator.encoder().end(number, &mut batch);
             }
             proof.reuse(recorded);
