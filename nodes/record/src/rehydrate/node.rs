@@ -33,7 +33,8 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Rehyd
     let mut scans = bus.joins(&bus.run().taken_by(bus.name()))?;
     let done = bus.finisher()?;
     // The whole map has the frames before those that are wanted too.
-    let first = settings.scans.first().copied().unwrap_or_default();
+    let first = settings.scans.get(settings.lead as usize).copied();
+    let first = first.unwrap_or_default();
     recall(&mut encoder, &mut proof, first)?;
     let path = Path::new(&settings.output);
     let mut writer = match start.life {
