@@ -81,22 +81,9 @@ struct State {
     candidate: u32,
 }
 
-/// What of a candidate decides along a curve.
-#[derive(Clone, Copy, Debug)]
-struct Offer {
-    cost: f32,
-    disparity: f32,
-    curve: u32,
-}
-
 /// The dynamic programme, with its memory.
 #[derive(Debug, Default)]
 pub(crate) struct Along {
-    /// Those of all points of the curve, side by side: candidates lie row by row, far apart along a curve, and come from
-    /// memory many at a time so.
-    offers: Vec<Offer>,
-    /// Where each point's offers end.
-    ends: Vec<u32>,
     states: Vec<State>,
     /// Where each point's states start.
     starts: Vec<u32>,
@@ -127,23 +114,9 @@ impl Along {
             candidate: NONE,
         };
         self.states.push(start);
-        self.offers.clear();
-        self.ends.clear();
-        for point in points.clone() {
-            let own = candidates.of(point).iter();
-            self.offers.extend(own.map(|candidate| Offer {
-                cost: candidate.cost,
-                disparity: candidate.disparity,
-                curve: candidate.curves[0],
-            }));
-            self.ends.push(self.offers.len() as u32);
-        }
         let mut before = 0..1;
-        let mut rest = &self.offers[..];
-        let mut taken = 0;
-        for &end in &self.ends {
-            let (own, others) = rest.split_at(end as usize - taken);
-            (rest, taken) = (others, end as usize);
+        for point in points.clone() {
+            let own = candidates.of(point);
             self.starts.push(self.states.len() as u32);
             if own.is_empty() {
                 // Nothing to choose, nothing to pay: the states stay as they are.
@@ -151,7 +124,7 @@ impl Along {
             }
             let first = self.states.len();
             for (index, candidate) in own.iter().enumerate() {
-                let curve = candidate.curve;
+                let curve = candidate.curves[0];
                 let mut best = (f32::INFINITY, NONE);
                 for back in before.clone() {
                     let state = &self.states[back];

@@ -87,9 +87,6 @@ impl<'a> Rivals<'a> {
     ) {
         // What is not worth choosing needs no rivals.
         let count = candidates.partition_point(|candidate| candidate.cost < like.nothing);
-        if count == 0 {
-            return;
-        }
         let worth = &mut candidates[..count];
         let mut alike = std::mem::take(self.alike);
         self.find_hidden(like, at, range, worth, &mut alike);
@@ -185,14 +182,11 @@ impl<'a> Rivals<'a> {
                 (by > APART && cost < 1.0).then_some((by, cost))
             }));
         }
-        // Most places are asked for in vain: what is surely in sight needs no look at the views.
-        let is_seen = |other: f32| sight.contains(other) && other <= range.most;
         for candidate in candidates {
             for &(by, cost) in alike.iter() {
                 for rival in [candidate.disparity - by, candidate.disparity + by] {
                     if cost < candidate.rival
                         && (range.least..=most).contains(&rival)
-                        && !is_seen(rival)
                         && is_beyond(rival)
                     {
                         candidate.rival = self.unlike_at(like, at, rival, cost, candidate.rival);

@@ -51,8 +51,6 @@ pub(crate) struct Rows {
     pub(crate) curve_of: Vec<u32>,
     /// Whether each point was found along a row.
     in_row: Vec<bool>,
-    /// Points of one row that were.
-    chosen: Vec<u32>,
 }
 
 impl Rows {
@@ -92,18 +90,12 @@ impl Rows {
             if !sway.is_none() {
                 self.put_right(view, size, (row, lower), sway, gain);
             } else if let Some(ends) = own.and_then(|own| own_rows.get(own..own + 2)) {
-                let order = &view.tables.order[ends[0] as usize..ends[1] as usize];
-                // Chosen without a branch, which could not be foretold: then edges come from memory many at a time.
-                self.chosen.resize(order.len() + 1, 0);
-                let mut count = 0;
-                for &point in order {
-                    self.chosen[count] = point;
-                    count += usize::from(self.in_row[point as usize]);
-                }
-                for &point in &self.chosen[..count] {
-                    let edge = &points[point as usize];
-                    let spot = Spot::new(edge, point, self.curve_of[point as usize], gain);
-                    self.spots.push(spot.lifted(rest));
+                for &point in &view.tables.order[ends[0] as usize..ends[1] as usize] {
+                    if self.in_row[point as usize] {
+                        let edge = &points[point as usize];
+                        let spot = Spot::new(edge, point, self.curve_of[point as usize], gain);
+                        self.spots.push(spot.lifted(rest));
+                    }
                 }
             }
             let spots = &mut self.spots[first..];
