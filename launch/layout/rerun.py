@@ -1,7 +1,7 @@
 """Shows a recording of tricurve in Rerun: points in space with the cameras, images, disparities, log.
 
     pip install rerun-sdk
-    python {script} [RECORDING.mcap] [--save FILE.rrd]
+    python layout.py [RECORDING.mcap] [--save FILE.rrd]
 
 Rerun's own options say where it is shown; without one its viewer is opened.
 """
@@ -12,24 +12,24 @@ import pathlib
 import rerun as rr
 import rerun.blueprint as rrb
 
-RECORDING = {recording}
-VIEWS = {views}
+RECORDING = @recording@
+VIEWS = @views@
 # What is drawn in space, in metres, in the frame world: x forward, y to the left, z up.
-POINTS = {points}
-EYE = {eye}
-TARGET = {target}
+POINTS = @points@
+EYE = @eye@
+TARGET = @target@
 
 
 def blueprint():
     space = rrb.Spatial3DView(
         name="points in space",
-        contents=["/tf", *POINTS, *(f"/camera/{{view}}/calibration" for view in VIEWS)],
+        contents=["/tf", *POINTS, *(f"/camera/{view}/calibration" for view in VIEWS)],
         spatial_information=rrb.SpatialInformation(target_frame="world"),
         eye_controls=rrb.EyeControls3D(position=EYE, look_target=TARGET, eye_up=(0, 0, 1)),
-        overrides={{topic: rr.Points3D.from_fields(colors=[0x33D0F0FF], radii=rr.Radius.ui_points(1.2)) for topic in POINTS}},
+        overrides={topic: rr.Points3D.from_fields(colors=[0x33D0F0FF], radii=rr.Radius.ui_points(1.2)) for topic in POINTS},
     )
     disparity = rrb.Spatial2DView(origin="/disparity/picture", name="disparity")
-    images = [rrb.Spatial2DView(origin=f"/camera/{{view}}/image", name=view) for view in VIEWS]
+    images = [rrb.Spatial2DView(origin=f"/camera/{view}/image", name=view) for view in VIEWS]
     log = rrb.TextLogView(origin="/log", name="log")
     return rrb.Blueprint(
         rrb.Vertical(

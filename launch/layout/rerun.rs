@@ -5,6 +5,7 @@ use std::path::Path;
 
 use messages::record::{Codec, WHOLE};
 use messages::{Kind, Rail};
+use serde_json::Value;
 
 use super::Focus;
 
@@ -47,21 +48,21 @@ pub(super) fn script(codec: &Codec, focus: Option<&Focus>, recording: Option<&Pa
     let ([x, y, z], radius) = focus.map_or(([1.0, 0.0, 0.0], 1.0), Focus::ball);
     let [forward, left, up] = FROM.map(|radii| radii * radius);
     let place = |[x, y, z]: [f64; 3]| format!("({x:.4}, {y:.4}, {z:.4})");
-    let list = |names: &[String]| format!("[{}]", names.join(", "));
-    let quoted = |name: &str| format!("{name:?}");
-    let views: Vec<String> = views(codec).into_iter().map(quoted).collect();
-    let points: Vec<String> = clouds(codec)
-        .into_iter()
-        .map(|topic| quoted(&format!("/{topic}")))
+    let list = |names: Vec<String>| Value::from(names).to_string();
+    let views = views(codec).into_iter().map(str::to_owned).collect();
+    let points = clouds(codec)
+        .iter()
+        .map(|topic| format!("/{topic}"))
         .collect();
     let recording = recording.unwrap_or(Path::new("recording.mcap"));
+    // Texts and lists of JSON are Python's too. A file may have any name: it is put in last.
     SCRIPT
-        .replace("{script}", "layout.py")
-        .replace("{recording}", &quoted(&recording.display().to_string()))
-        .replace("{views}", &list(&views))
-        .replace("{points}", &list(&points))
-        .replace("{eye}", &place([x + forward, y + left, z + up]))
-        .replace("{target}", &place([x, y, z]))
-        .replace("{{", "{")
-        .replace("}}", "}")
+        .replace("@views@", &list(views))
+        .replace("@points@", &list(points))
+        .replace("@eye@", &place([x + forward, y + left, z + up]))
+        .replace("@target@", &place([x, y, z]))
+        .replace(
+            "@recording@",
+            &Value::from(recording.to_string_lossy()).to_string(),
+        )
 }

@@ -23,6 +23,7 @@ pub mod door;
 pub mod header;
 pub mod health;
 pub mod ledger;
+pub mod mixed;
 pub mod payload;
 pub mod reason;
 #[cfg(feature = "record")]
@@ -39,6 +40,7 @@ pub use calibration::Calibration;
 pub use contour::{Contour, ContourKind, ContourPoint};
 pub use contrast::Contrast;
 pub use header::{Header, NONE, Size, Sway};
+pub use mixed::mixed;
 pub use payload::{
     AnyView, Curve, Curves, CurvesRoom, CurvesView, Difference, Disparity, DisparityRoom,
     DisparityView, Edge, Edges, EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom,

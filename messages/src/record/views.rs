@@ -140,20 +140,26 @@ impl Span {
             return None;
         }
         // Strays may stretch the first steps until all others share one: within what is left of them steps are fine.
-        let within = Self { least, most }.without(0.01, known.clone());
-        let middle = within.without(0.1, known.clone());
+        let full = Self { least, most };
+        let within = full.without(0.01, &full.counts(known.clone()));
+        let counts = within.counts(known);
+        let (outer, middle) = (within.without(0.01, &counts), within.without(0.1, &counts));
         let beyond = 0.25 * (middle.most - middle.least);
-        let outer = within.without(0.01, known);
         Some(Self {
             least: outer.least.max(middle.least - beyond),
             most: outer.most.min(middle.most + beyond),
         })
     }
 
-    /// The part of the span that is left without this share of the values at either end.
-    fn without(self, share: f32, values: impl Iterator<Item = f32>) -> Self {
-        let mut counts = [0u32; 256];
+    /// How many values lie in each of its steps; those beyond count in the outermost.
+    fn counts(self, values: impl Iterator<Item = f32>) -> [u32; 256] {
+        let mut counts = [0; 256];
         values.for_each(|value| counts[(self.share(value) * 255.0) as usize & 255] += 1);
+        counts
+    }
+
+    /// The part of the span that is left without this share of the values at either end.
+    fn without(self, share: f32, counts: &[u32; 256]) -> Self {
         let outermost = (counts.iter().sum::<u32>() as f32 * share) as u32;
         let mut steps = counts.iter().enumerate();
         let low = beyond(&mut steps, outermost);

@@ -1,5 +1,7 @@
 //! Sensor noise: rendered pictures would be the same in every scan without it.
 
+use messages::mixed;
+
 /// Gaussian noise from a table: every row of a frame starts at its own place in it, so that a frame costs one addition
 /// a pixel.
 #[derive(Clone, Debug)]
@@ -46,14 +48,6 @@ impl Sensor {
             }
         }
     }
-}
-
-/// A well-mixed number (Steele and others' SplitMix64, 2014).
-fn mixed(state: u64) -> u64 {
-    let mut z = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]
