@@ -91,7 +91,7 @@ def main(path, csv_path):
                     bytes_a_pixel = {'mono8': 1, '32FC1': 4, 'rgb8': 3}[decoded.encoding]
                     expect(decoded.step == decoded.width * bytes_a_pixel, f'{topic}: step')
                     expect(len(decoded.data) == decoded.step * decoded.height, f'{topic}: data')
-                    if decoded.encoding == 'mono8':
+                    if decoded.encoding in ('mono8', 'rgb8'):
                         images[key] = nanos(decoded.timestamp)
                 case 'foxglove.PointCloud':
                     rows = table(decoded.fields, decoded.point_stride, decoded.data)
