@@ -387,7 +387,7 @@ impl std::str::FromStr for Scans {
     }
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct Replay {
     /// The recording; its further parts are found by their names
     pub(crate) file: PathBuf,
@@ -444,6 +444,10 @@ pub(crate) struct Replay {
     /// Compare what is computed with what was recorded, byte for byte
     #[arg(long)]
     pub(crate) verify: bool,
+    /// Say whether it got better: compare what comes out with what was recorded, as `tricurve compare` does; exit code 10
+    /// better, 11 worse
+    #[arg(long, conflicts_with_all = ["verify", "repeat", "topics"])]
+    pub(crate) compare: bool,
     /// The graph file it was recorded with, where the recording does not say its settings any more
     #[arg(long, value_name = "FILE")]
     pub(crate) graph: Option<PathBuf>,
@@ -476,6 +480,7 @@ impl Replay {
             force: false,
             view: false,
             verify: false,
+            compare: false,
             graph: None,
             profile: None,
             json: false,
@@ -542,6 +547,9 @@ pub(crate) struct Merge {
 }
 
 #[derive(Debug, Args)]
+#[command(
+    override_usage = "tricurve split [OPTIONS] <FILE> --output <FILE>\n       <--size <MB>|--duration <S>|--scans <N>>"
+)]
 #[command(group = clap::ArgGroup::new("when").required(true).multiple(true).args(["size", "duration", "scans"]))]
 pub(crate) struct SplitArgs {
     /// The recording; its further parts are found by their names
@@ -560,6 +568,9 @@ pub(crate) struct SplitArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(
+    override_usage = "tricurve filter [OPTIONS] <FILE> --output <FILE>\n       <--topics <points,edges/*>|--scans <A..B>>"
+)]
 #[command(group = clap::ArgGroup::new("what").required(true).multiple(true).args(["topics", "scans"]))]
 pub(crate) struct Filter {
     /// The recording; its further parts are found by their names
@@ -601,6 +612,9 @@ pub(crate) struct Export {
     pub(crate) thesis: Option<PathBuf>,
 }
 
+/// Pixels of disparity beyond which a point has moved, unless it is said otherwise.
+pub(crate) const WITHIN: f32 = 0.5;
+
 #[derive(Debug, Args)]
 pub(crate) struct Compare {
     /// The recording to compare with
@@ -608,7 +622,7 @@ pub(crate) struct Compare {
     /// The other one: is it better?
     pub(crate) b: PathBuf,
     /// Pixels of disparity beyond which a point has moved
-    #[arg(long, value_name = "PIXELS", default_value_t = 0.5)]
+    #[arg(long, value_name = "PIXELS", default_value_t = WITHIN)]
     pub(crate) within: f32,
     /// A picture of both and of what differs, side by side
     #[arg(long, value_name = "FILE")]

@@ -76,6 +76,42 @@ fn a_recording_is_the_same_as_itself_and_as_its_proof_and_not_as_one_of_other_se
 }
 
 #[test]
+fn a_replay_says_by_itself_whether_other_settings_made_it_better() {
+    let world = World::new();
+    recorded(&world, "a.mcap", &[]);
+    let before = std::fs::read_dir(world.path(".")).unwrap().count();
+    let curves = ["--from", "track", "--set", "track.tolerance_degrees=25"];
+    let worse = world.run(&[&["replay", "a.mcap", "--compare"], &curves[..]].concat());
+    assert_eq!(worse.code, Some(11), "{worse:?}");
+    for told in [
+        "track.tolerance_degrees: 25, was 90.0",
+        "A as it was recorded, B as it was played",
+        "seen in three views",
+        "time of match",
+        "B is worse",
+    ] {
+        assert!(worse.out.contains(told), "{told}: {worse:?}");
+    }
+    let left = std::fs::read_dir(world.path(".")).unwrap().count();
+    assert_eq!(left, before, "nothing is left of it");
+    // Of a part, scans are those that were played; and what is recorded is compared too.
+    let part = ["replay", "a.mcap", "--scans", "1..3", "--compare", "--json"];
+    let same = world.run(&[&part[..], &["--record", "b.mcap"]].concat());
+    assert_eq!(same.code, Some(0), "{same:?}");
+    let told = &same.json()["compared"];
+    assert_eq!(told["verdict"], "same", "{told}");
+    assert_eq!(told["scans"], 2, "{told}");
+    assert_eq!(told["agreement"][0], told["agreement"][1], "{told}");
+    assert!(world.path("b.mcap").exists());
+    // Without points there is nothing to compare with.
+    let without = ["filter", "a.mcap", "--topics", "camera/*", "-o", "c.mcap"];
+    world.run(&without).done();
+    let refused = world.run(&["replay", "c.mcap", "--compare"]);
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(refused.err.contains("holds no points"), "{refused:?}");
+}
+
+#[test]
 fn a_picture_shows_both_and_what_differs_beside_them() {
     let world = World::new();
     recorded(&world, "a.mcap", &[]);

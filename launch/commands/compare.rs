@@ -1,16 +1,19 @@
 //! `tricurve compare`: did it get better?
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use messages::Kind;
 use messages::words::counted;
 use record::{
-    CompareError, Comparison, Mapped, Recording, Shared, Truth, Verdict, compare, side_by_side,
+    Agreement, CompareError, Comparison, Mapped, Partners, Recording, Shared, Time, Truth, Verdict,
+    compare, side_by_side,
 };
 use serde_json::Value;
+use tempfile::TempDir;
 
 use super::proof;
-use crate::cli::Compare as Args;
+use crate::cli::{Compare as Args, WITHIN};
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -20,23 +23,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             args.within
         )));
     }
-    let open = |path| -> Result<_, Failure> {
-        let mut recording = Recording::open(path).map_err(Failure::failed)?;
-        for note in recording.notes().iter().chain(recording.remarks()) {
-            crate::say!("tricurve: {}: {note}", recording.path().display());
-        }
-        let mut without = Kind::ALL.to_vec();
-        without.retain(|kind| *kind != Kind::Points);
-        let scans = recording.whole_scans();
-        let computed = proof::complete(&mut recording, &scans, &without)?;
-        Ok((recording, computed))
-    };
     let (mut a, _computed_a) = open(&args.a)?;
     let (mut b, _computed_b) = open(&args.b)?;
-    let compared = compare([&mut a, &mut b], args.within).map_err(|error| match error {
-        CompareError::Read(_) => Failure::failed(error),
-        error => Failure::usage(error),
-    })?;
+    let compared = compared([&mut a, &mut b], args.within, Partners::SameNumber)?;
     match args.json {
         true => super::print_json(&compared)?,
         false => super::print(&told(&compared))?,
@@ -44,12 +33,54 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if let Some(path) = &args.png {
         let both = || a.scans().find(|scan| b.nanos(*scan).is_some());
         let scan = args.scan.or_else(both).unwrap_or_default();
-        side_by_side([&mut a, &mut b], scan, args.within, path).map_err(Failure::failed)?;
+        side_by_side([&mut a, &mut b], [scan; 2], args.within, path).map_err(Failure::failed)?;
         crate::say!(
             "tricurve: scan {scan} of both, and what differs: {}",
             path.display()
         );
     }
+    remark(&compared);
+    Ok(outcome(&compared))
+}
+
+/// Compares a recording with what was computed anew of these of its scans.
+pub(super) fn with_replayed(
+    recorded: &Path,
+    replayed: &Path,
+    scans: &[u64],
+) -> Result<Comparison, Failure> {
+    let (mut a, _computed_a) = open(recorded)?;
+    let (mut b, _computed_b) = open(replayed)?;
+    let partners = Partners::Replayed(scans);
+    compared([&mut a, &mut b], WITHIN, partners)
+}
+
+/// A recording, and what had to be computed of it.
+fn open(path: &Path) -> Result<(Recording, Option<TempDir>), Failure> {
+    let mut recording = Recording::open(path).map_err(Failure::failed)?;
+    for note in recording.notes().iter().chain(recording.remarks()) {
+        crate::say!("tricurve: {}: {note}", recording.path().display());
+    }
+    let mut without = Kind::ALL.to_vec();
+    without.retain(|kind| *kind != Kind::Points);
+    let scans = recording.whole_scans();
+    let computed = proof::complete(&mut recording, &scans, &without)?;
+    Ok((recording, computed))
+}
+
+fn compared(
+    both: [&mut Recording; 2],
+    within: f32,
+    partners: Partners<'_>,
+) -> Result<Comparison, Failure> {
+    compare(both, within, partners).map_err(|error| match error {
+        CompareError::Read(_) => Failure::failed(error),
+        error => Failure::usage(error),
+    })
+}
+
+/// Says what was not compared.
+fn remark(compared: &Comparison) {
     if compared.only != [0; 2] {
         crate::say!(
             "tricurve: {} of the first and {} of the second are in one of them only and were not compared",
@@ -63,16 +94,20 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             counted(compared.other_images, "scan")
         );
     }
-    Ok(match compared.verdict {
+}
+
+/// The exit code of a verdict.
+pub(super) fn outcome(compared: &Comparison) -> Outcome {
+    match compared.verdict {
         Verdict::Same => Outcome::Done,
         Verdict::Better => Outcome::Better,
         Verdict::Worse => Outcome::Worse,
         Verdict::Different => Outcome::Different,
-    })
+    }
 }
 
 /// As people read it.
-fn told(compared: &Comparison) -> String {
+pub(super) fn told(compared: &Comparison) -> String {
     let mut out = String::new();
     let mut line = |name: &str, a: &str, b: &str, change: &str| {
         let row = format!("  {name:<26}{a:>16}{b:>16}  {change}");
@@ -133,6 +168,22 @@ fn told(compared: &Comparison) -> String {
             ("median error", [a.median, b.median], 4, " px"),
         ]
     });
+    let agreement = compared.agreement.iter().flat_map(|both: &[Agreement; 2]| {
+        [
+            (
+                "seen in three views",
+                both.map(|of| 100.0 * of.seen),
+                2,
+                " %",
+            ),
+            (
+                "views miss each other by",
+                both.map(|of| of.residual),
+                3,
+                " px",
+            ),
+        ]
+    });
     let maps = compared.maps.iter().flat_map(|maps: &[Mapped; 2]| {
         [
             (
@@ -149,9 +200,24 @@ fn told(compared: &Comparison) -> String {
             ),
         ]
     });
-    for (name, values, digits, unit) in truth.chain(maps) {
+    let time = compared.time.iter().map(|both: &[Time; 2]| {
+        let name = match &both[0].stages[..] {
+            [stage] => format!("time of {stage}"),
+            stages => format!("time, {} to {}", stages[0], stages[stages.len() - 1]),
+        };
+        (
+            name,
+            both.each_ref().map(|time| time.milliseconds),
+            1,
+            " ms",
+        )
+    });
+    let measured = truth.chain(agreement).chain(maps);
+    let measured =
+        measured.map(|(name, values, digits, unit)| (name.to_owned(), values, digits, unit));
+    for (name, values, digits, unit) in measured.chain(time) {
         let [a, b] = values.map(|value| format!("{value:.digits$}{unit}"));
-        line(name, &a, &b, &signed(values[1] - values[0], digits, unit));
+        line(&name, &a, &b, &signed(values[1] - values[0], digits, unit));
     }
     let verdict = match (compared.verdict, &compared.truth) {
         _ if compared.other_images > 0 => {

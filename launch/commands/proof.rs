@@ -223,7 +223,7 @@ pub(super) fn complete(
 }
 
 /// A folder for what is computed for a while.
-fn folder() -> Result<TempDir, Failure> {
+pub(super) fn folder() -> Result<TempDir, Failure> {
     tempfile::tempdir()
         .map_err(|e| Failure::failed(format!("cannot make a folder for what is computed: {e}")))
 }

@@ -11,14 +11,15 @@ use messages::bus::Level;
 use messages::change::Change;
 use messages::recording::Recording;
 use messages::{Kind, Rig, Stage, Topic};
+use record::Comparison;
 use replay::verify::{Findings, depth};
 use replay::{Choice, Selection, check_cut, replayed_kinds};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use self::verified::{Expected, Verified};
-use super::proof;
 use super::run::{recording, table};
+use super::{compare, proof};
 use crate::cli::Replay as Args;
 use crate::graph::{Graph, Overrides, reads_tables};
 use crate::launcher::{Launch, launch};
@@ -28,6 +29,19 @@ use crate::said::Early;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    if !args.compare || args.record.is_some() {
+        return play(args, true);
+    }
+    // What is compared is recorded for a while.
+    let folder = proof::folder()?;
+    let mut args = args.clone();
+    args.record = Some(folder.path().join("replayed.mcap"));
+    args.set.push("record.keep=results".to_owned());
+    play(&args, false)
+}
+
+/// Plays, and says what came of it; a recording that does not stay is not told of.
+fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
     let mut said = Early::default();
     let Plan {
         mut graph,
@@ -51,6 +65,13 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             let text = format!("{} is played and cannot be written too", both.display());
             return Err(Failure::usage(text));
         }
+    }
+    if args.compare && !is_held(&source, Kind::Points) && !is_proven(&source, &proven, Kind::Points)
+    {
+        return Err(Failure::usage(format!(
+            "{} holds no points, with which those computed anew could be compared",
+            args.file.display()
+        )));
     }
     let new_settings = recorded_changes(args.repeat, &set, &graph, &source, &selection)?;
     let no_seek = match (&new_recording, args.verify, new_settings.is_empty()) {
@@ -85,7 +106,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         changes: new_settings,
         no_seek,
     })?;
-    let summary = table::Summary::new(&ran, new_recording.as_deref());
+    let summary = table::Summary::new(&ran, new_recording.as_deref().filter(|_| stays));
     let verified = args.verify.then(|| {
         let found = std::fs::read(dir.path().join(Findings::FILE)).unwrap_or_default();
         let findings: Findings = serde_json::from_slice(&found).unwrap_or_default();
@@ -103,15 +124,24 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         };
         Verified::new(findings, expected)
     });
+    let compared = match (&new_recording, ran.outcome) {
+        (Some(new), Outcome::Done) if args.compare => {
+            let scans: Vec<u64> = selection.scans.iter().map(|(scan, _)| *scan).collect();
+            Some(compare::with_replayed(&args.file, new, &scans)?)
+        }
+        _ => None,
+    };
     let outcome = match (&verified, ran.outcome) {
         (Some(verified), Outcome::Done) if !verified.is_verified() => Outcome::Lost,
         (_, Outcome::Done) if is_less => Outcome::Lost,
+        (_, Outcome::Done) => compared.as_ref().map_or(Outcome::Done, compare::outcome),
         (_, outcome) => outcome,
     };
     let report = Report {
         summary,
         changed,
         verified,
+        compared,
     };
     match args.json {
         true => super::print_json(&report)?,
@@ -570,6 +600,8 @@ struct Report {
     changed: BTreeMap<String, [Value; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     verified: Option<Verified>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compared: Option<Comparison>,
 }
 
 impl fmt::Display for Report {
@@ -581,8 +613,15 @@ impl fmt::Display for Report {
                 writeln!(f, "  {key}: {now}, was {then}")?;
             }
         }
-        match &self.verified {
-            Some(verified) => write!(f, "\n{verified}"),
+        if let Some(verified) = &self.verified {
+            write!(f, "\n{verified}")?;
+        }
+        match &self.compared {
+            Some(compared) => write!(
+                f,
+                "\nA as it was recorded, B as it was played:\n{}",
+                compare::told(compared)
+            ),
             None => Ok(()),
         }
     }

@@ -30,6 +30,19 @@ pub struct Milliseconds {
     pub evaluate: f64,
 }
 
+impl Milliseconds {
+    /// Of the stages from images to points and the map, which is all but fetching and judging; 0 of one that is not known.
+    pub fn of_the_method(&self) -> [(&'static str, f64); 5] {
+        [
+            ("filter", self.filter),
+            ("track", self.track),
+            ("hough", self.hough),
+            ("match", self.r#match),
+            ("map", self.map),
+        ]
+    }
+}
+
 /// Steps of a [`Histogram`].
 const STEPS: usize = 24;
 

@@ -6,18 +6,20 @@
 //! evaluations, maps, settings ─────────┴─► better, worse, the same, or neither
 //! ```
 
+mod picture;
+
 use std::collections::BTreeMap;
 
-use image::ExtendedColorType;
-use messages::record::{Colours, Span};
-use messages::{Evaluation, Image, Kind, NONE, Owned, Point, Points, Score, Size, Topic};
+use messages::record::Statistics;
+use messages::{Evaluation, Image, Kind, Matches, NONE, Point, Points, Score, Size, Topic};
 use serde::Serialize;
 use serde_json::Value;
 use thiserror::Error;
 
-use crate::export::pictures::Picture;
+pub use picture::side_by_side;
+
 use crate::map::whole_map;
-use crate::{ExportError, ReadError, Recording};
+use crate::{ReadError, Recording};
 
 /// Pixels within which points of two recordings are of one place.
 const PLACE: f32 = 1.0;
@@ -127,6 +129,44 @@ pub struct Mapped {
     pub sigma_m: f32,
 }
 
+/// How well the views agree on what was found; it needs no truth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// Share of the points of all matches that three views or more see; the others are filled in along their curves.
+    pub seen: f64,
+    /// By how much matches miss where the loop through all views would close, in pixels: the mean over their points.
+    pub residual: f64,
+}
+
+/// How long scans took.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Time {
+    /// The stages that are added up.
+    pub stages: Vec<&'static str>,
+    /// Their milliseconds a scan, the median.
+    pub milliseconds: f64,
+}
+
+/// Which scan of the second recording is compared with one of the first.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Partners<'a> {
+    /// The one of the same number.
+    #[default]
+    SameNumber,
+    /// Scan n is a replay of the first one's scan of this number.
+    Replayed(&'a [u64]),
+}
+
+impl Partners<'_> {
+    /// The number in the first recording of one of the second's scans.
+    fn of(self, scan: u64) -> Option<u64> {
+        match self {
+            Self::SameNumber => Some(scan),
+            Self::Replayed(scans) => scans.get(usize::try_from(scan).ok()?).copied(),
+        }
+    }
+}
+
 /// What comes of comparing.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
@@ -144,8 +184,12 @@ pub struct Comparison {
     pub within: f32,
     /// The truth, where both know it.
     pub truth: Option<[Truth; 2]>,
+    /// How well views agree, where both hold their matches.
+    pub agreement: Option<[Agreement; 2]>,
     /// The maps, where both have one.
     pub maps: Option<[Mapped; 2]>,
+    /// How long scans took in the stages whose times both know.
+    pub time: Option<[Time; 2]>,
     /// Whether the second is better.
     pub verdict: Verdict,
 }
@@ -154,7 +198,11 @@ pub struct Comparison {
 ///
 /// # Errors
 /// When one cannot be read, or they do not show the same.
-pub fn compare([a, b]: [&mut Recording; 2], within: f32) -> Result<Comparison, CompareError> {
+pub fn compare(
+    [a, b]: [&mut Recording; 2],
+    within: f32,
+    partners: Partners<'_>,
+) -> Result<Comparison, CompareError> {
     same_view(a, b)?;
     let topics = [points_of(a)?, points_of(b)?];
     let [of_a, of_b] = [(&*a, &topics[0]), (&*b, &topics[1])].map(|(recording, topic)| {
@@ -164,11 +212,11 @@ pub fn compare([a, b]: [&mut Recording; 2], within: f32) -> Result<Comparison, C
             false => recording.scans_with(std::slice::from_ref(topic)),
         }
     });
-    let common: Vec<u64> = of_a
-        .iter()
-        .copied()
-        .filter(|scan| of_b.binary_search(scan).is_ok())
-        .collect();
+    let pair = |&of_b: &u64| {
+        let scan = partners.of(of_b)?;
+        of_a.binary_search(&scan).is_ok().then_some([scan, of_b])
+    };
+    let common: Vec<[u64; 2]> = of_b.iter().filter_map(pair).collect();
     if common.is_empty() {
         let first = |scans: &[u64]| scans.first().map_or("none".to_owned(), u64::to_string);
         return Err(CompareError::NothingInCommon {
@@ -181,10 +229,10 @@ pub fn compare([a, b]: [&mut Recording; 2], within: f32) -> Result<Comparison, C
     let mut shared = Shared::default();
     let (mut apart, mut cells) = (Vec::new(), Cells::default());
     let mut other_images = 0;
-    for &scan in &common {
+    for &[scan_a, scan_b] in &common {
         let [of_a, of_b] = [
-            a.read::<Points>(scan, &topics[0])?,
-            b.read::<Points>(scan, &topics[1])?,
+            a.read::<Points>(scan_a, &topics[0])?,
+            b.read::<Points>(scan_b, &topics[1])?,
         ];
         let size = of_a.header.size();
         let [of_a, of_b] = [of_a.view().points, of_b.view().points];
@@ -202,21 +250,18 @@ pub fn compare([a, b]: [&mut Recording; 2], within: f32) -> Result<Comparison, C
             .iter()
             .filter(|point| cells.nearest(of_a, point).is_none());
         shared.only_b += alone.count() as u64;
-        other_images += u64::from(differs(a, b, scan)?);
+        other_images += u64::from(differs([a, b], [scan_a, scan_b])?);
     }
     shared.both = apart.len() as u64;
     shared.moved = apart.iter().filter(|apart| **apart > within).count() as u64;
     apart.sort_unstable_by(f32::total_cmp);
     shared.median = apart.get(apart.len() / 2).copied().unwrap_or_default();
     shared.most = apart.last().copied().unwrap_or_default();
-    let truth = match (truth(a, &common)?, truth(b, &common)?) {
-        (Some(a), Some(b)) => Some([a, b]),
-        _ => None,
-    };
-    let maps = match (mapped(a)?, mapped(b)?) {
-        (Some(a), Some(b)) => Some([a, b]),
-        _ => None,
-    };
+    let scans = [0, 1].map(|which| common.iter().map(|pair| pair[which]).collect::<Vec<_>>());
+    let truth = both(truth(a, &scans[0])?, truth(b, &scans[1])?);
+    let agreement = both(agreement(a, &scans[0])?, agreement(b, &scans[1])?);
+    let time = time(stage_times(a, &scans[0])?, stage_times(b, &scans[1])?);
+    let maps = both(mapped(a)?, mapped(b)?);
     Ok(Comparison {
         scans: common.len() as u64,
         only: [of_a.len() - common.len(), of_b.len() - common.len()].map(|only| only as u64),
@@ -225,12 +270,19 @@ pub fn compare([a, b]: [&mut Recording; 2], within: f32) -> Result<Comparison, C
         points: shared,
         within,
         truth,
+        agreement,
         maps,
+        time,
         verdict: match other_images {
             0 => verdict(&shared, truth),
             _ => Verdict::Different,
         },
     })
+}
+
+/// What both say.
+fn both<T>(a: Option<T>, b: Option<T>) -> Option<[T; 2]> {
+    Some([a?, b?])
 }
 
 /// Whether the second is better, by the truth where it is known.
@@ -285,8 +337,8 @@ fn same_view(a: &Recording, b: &Recording) -> Result<(), CompareError> {
 }
 
 /// Whether the reference view's images of a scan differ, where both have one.
-fn differs(a: &mut Recording, b: &mut Recording, scan: u64) -> Result<bool, ReadError> {
-    let image = |recording: &mut Recording| {
+fn differs([a, b]: [&mut Recording; 2], [of_a, of_b]: [u64; 2]) -> Result<bool, ReadError> {
+    let image = |recording: &mut Recording, scan| {
         let reference = recording.codec().reference();
         let topic = Topic::of(&recording.metadata().rig, Kind::Image).swap_remove(reference);
         match recording.read::<Image>(scan, &topic) {
@@ -295,7 +347,7 @@ fn differs(a: &mut Recording, b: &mut Recording, scan: u64) -> Result<bool, Read
             Err(error) => Err(error),
         }
     };
-    Ok(match (image(a)?, image(b)?) {
+    Ok(match (image(a, of_a)?, image(b, of_b)?) {
         (Some(a), Some(b)) => a.view().pixels != b.view().pixels,
         _ => false,
     })
@@ -365,6 +417,70 @@ fn truth(recording: &mut Recording, scans: &[u64]) -> Result<Option<Truth>, Read
     }))
 }
 
+/// How well the views agree in these scans' matches; `None` where a recording holds none.
+fn agreement(recording: &mut Recording, scans: &[u64]) -> Result<Option<Agreement>, ReadError> {
+    let topics = Topic::of(&recording.metadata().rig, Kind::Matches);
+    let (mut points, mut seen, mut residuals) = (0u64, 0u64, 0.0);
+    for topic in topics {
+        for &scan in scans {
+            let read = match recording.read::<Matches>(scan, &topic) {
+                Ok(read) => read,
+                Err(ReadError::NoMessage { .. }) => continue,
+                Err(error) => return Err(error),
+            };
+            let view = read.view();
+            points += view.points.len() as u64;
+            seen += view.points.iter().filter(|point| point.filled == 0).count() as u64;
+            let missed = view.matches.iter();
+            residuals += missed
+                .map(|found| f64::from(found.residual) * f64::from(found.count))
+                .sum::<f64>();
+        }
+    }
+    Ok((points > 0).then(|| Agreement {
+        seen: seen as f64 / points as f64,
+        residual: residuals / points as f64,
+    }))
+}
+
+/// Milliseconds of each stage, scan by scan, as far as these scans tell.
+fn stage_times(
+    recording: &mut Recording,
+    scans: &[u64],
+) -> Result<Vec<[(&'static str, f64); 5]>, ReadError> {
+    let mut times = Vec::new();
+    for &scan in scans {
+        let read = recording.scan_of(scan, |topic| topic == "statistics")?;
+        let said = read.message("statistics");
+        let said = said.and_then(|json| serde_json::from_slice::<Statistics>(json).ok());
+        times.extend(said.map(|said| said.milliseconds.of_the_method()));
+        recording.reuse(read);
+    }
+    Ok(times)
+}
+
+/// How long scans took in the stages whose times both know: a replay that begins at a later stage, or records results only,
+/// knows fewer.
+fn time(a: Vec<[(&'static str, f64); 5]>, b: Vec<[(&'static str, f64); 5]>) -> Option<[Time; 2]> {
+    let knows = |times: &[[(&str, f64); 5]], stage: usize| times.iter().any(|of| of[stage].1 > 0.0);
+    let known: Vec<usize> = (0..5)
+        .filter(|stage| knows(&a, *stage) && knows(&b, *stage))
+        .collect();
+    let stages = || -> Vec<&'static str> { known.iter().map(|stage| a[0][*stage].0).collect() };
+    let median = |times: &[[(&str, f64); 5]]| {
+        let sum = |of: &[(&str, f64); 5]| known.iter().map(|stage| of[*stage].1).sum::<f64>();
+        let mut sums: Vec<f64> = times.iter().map(sum).collect();
+        sums.sort_unstable_by(f64::total_cmp);
+        sums[sums.len() / 2]
+    };
+    (!known.is_empty()).then(|| {
+        [&a, &b].map(|times| Time {
+            stages: stages(),
+            milliseconds: median(times),
+        })
+    })
+}
+
 fn mapped(recording: &mut Recording) -> Result<Option<Mapped>, ReadError> {
     let map = whole_map(recording)?;
     Ok(map.map(|points| {
@@ -430,83 +546,6 @@ impl Cells {
         }
         nearest.map(|(_, point)| point)
     }
-}
-
-/// Pixels between pictures side by side.
-const GAP: usize = 4;
-
-/// What points of both are painted in, in the picture of what differs.
-const IN_BOTH: [u8; 3] = [90, 90, 90];
-const MOVED: [u8; 3] = [255, 210, 0];
-const ONLY_A: [u8; 3] = [255, 60, 50];
-const ONLY_B: [u8; 3] = [70, 150, 255];
-
-/// A picture of a scan in both, side by side, the disparities in one range of colours; right of them what differs: gray what
-/// is in both, yellow what moved, red what only the first has and blue what only the second has.
-///
-/// # Errors
-/// When one cannot be read, or the picture not written.
-pub fn side_by_side(
-    [a, b]: [&mut Recording; 2],
-    scan: u64,
-    within: f32,
-    path: &std::path::Path,
-) -> Result<(), ExportError> {
-    let topic =
-        |recording: &Recording| Topic::of(&recording.metadata().rig, Kind::Points).swap_remove(0);
-    let (topic_a, topic_b) = (topic(a), topic(b));
-    let of_a: Owned<Points> = a.read(scan, &topic_a)?;
-    let of_b: Owned<Points> = b.read(scan, &topic_b)?;
-    let size = of_a.header.size();
-    let [of_a, of_b] = [of_a.view().points, of_b.view().points];
-    let span = Span::of(of_a.iter().chain(of_b).map(|point| point.disparity)).map(Span::rounded);
-    let colours = Colours::new();
-    let (width, height) = (size.width as usize, size.height as usize);
-    let whole = Size::new((3 * width + 2 * GAP) as u32, height as u32);
-    let mut bytes = vec![24u8; 3 * whole.pixels()];
-    // So many pixels around a point are painted.
-    let mut paint = |panel: usize, point: &Point, reach: isize, colour: [u8; 3]| {
-        let (x, y) = (point.u.round() as isize, point.v.round() as isize);
-        for (x, y) in
-            (y - reach..=y + reach).flat_map(|y| (x - reach..=x + reach).map(move |x| (x, y)))
-        {
-            if (0..width as isize).contains(&x) && (0..height as isize).contains(&y) {
-                let column = panel * (width + GAP) + x as usize;
-                let at = 3 * (y as usize * whole.width as usize + column);
-                bytes[at..at + 3].copy_from_slice(&colour);
-            }
-        }
-    };
-    let mut differing = Vec::new();
-    let [mut cells_a, mut cells_b] = [Cells::default(), Cells::default()];
-    cells_a.fill(size, of_a);
-    cells_b.fill(size, of_b);
-    for (panel, own, cells, others, alone) in [
-        (0, of_a, &cells_b, of_b, ONLY_A),
-        (1, of_b, &cells_a, of_a, ONLY_B),
-    ] {
-        for point in own {
-            let share = span.map_or(0.5, |span| span.share(point.disparity));
-            paint(panel, point, 0, colours.of(share));
-            match cells.nearest(others, point) {
-                Some(other) if (other.disparity - point.disparity).abs() <= within => {
-                    paint(2, point, 0, IN_BOTH);
-                }
-                Some(_) => differing.push((point, MOVED)),
-                None => differing.push((point, alone)),
-            }
-        }
-    }
-    // Few among many are to be seen.
-    for (point, colour) in differing {
-        paint(2, point, 1, colour);
-    }
-    let picture = Picture {
-        size: whole,
-        colours: ExtendedColorType::Rgb8,
-        bytes,
-    };
-    picture.save(path)
 }
 
 #[cfg(test)]

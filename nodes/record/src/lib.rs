@@ -38,7 +38,8 @@ pub use messages::recording::{Metadata, MetadataError, ReadError, Recording, Sca
 pub use attach::{Attach, AttachError, Attached, Wish, attach};
 pub use batch::{Batch, encoder, taken_kinds};
 pub use compare::{
-    CompareError, Comparison, Mapped, Shared, Truth, Verdict, compare, side_by_side,
+    Agreement, CompareError, Comparison, Mapped, Partners, Shared, Time, Truth, Verdict, compare,
+    side_by_side,
 };
 pub use export::{CSV_HEADER, Export, ExportError, Exported, export, whole};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
