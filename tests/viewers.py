@@ -73,6 +73,8 @@ class Viewer:
         if message[0] == 1:
             subscription, nanos = struct.unpack_from('<IQ', message, 1)
             channel = self.topics[subscription]
+            # Viewers take what comes before the first time for something of 1970.
+            expect(self.times, f"{channel['topic']} came before the time was told")
             self.messages.append((channel['topic'], nanos, message[13:], channel))
         elif message[0] == 2:
             self.times.append(struct.unpack_from('<Q', message, 1)[0])

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -163,6 +163,8 @@ pub(crate) struct Server {
     doorman: Doorman,
     address: SocketAddr,
     told_slow: BTreeSet<SocketAddr>,
+    /// The time that viewers were told last, in nanoseconds since 1970.
+    told_nanos: AtomicU64,
 }
 
 impl Server {
@@ -268,6 +270,7 @@ impl Server {
             viewers: Viewers::default(),
             backlog: settings.backlog,
             told_slow: BTreeSet::new(),
+            told_nanos: AtomicU64::new(0),
         })
     }
 
@@ -363,8 +366,13 @@ impl Server {
         self.viewers.missed()
     }
 
-    /// Sends a message to all who are subscribed.
+    /// Sends a message to all who are subscribed. Who knows no time yet is told it before: viewers take what comes before the
+    /// first time for something of 1970.
     pub(crate) fn send(&self, channel: usize, nanos: u64, message: &[u8]) {
+        if self.news.timeless.swap(false, Ordering::AcqRel) {
+            let told = self.told_nanos.load(Ordering::Relaxed);
+            self.time(if told == 0 { nanos } else { told });
+        }
         let meta = PartialMetadata {
             log_time: Some(nanos),
         };
@@ -373,6 +381,7 @@ impl Server {
 
     /// Tells viewers what time it is in what they see.
     pub(crate) fn time(&self, nanos: u64) {
+        self.told_nanos.store(nanos, Ordering::Relaxed);
         if let Some(handle) = &self.handle {
             handle.broadcast_time(nanos);
         }
@@ -461,6 +470,8 @@ fn services(wish: &Sender<Wish>) -> Vec<Service> {
 struct News {
     subscriptions: AtomicBool,
     viewers: AtomicBool,
+    /// Whether somebody subscribed who may not know yet what time it is.
+    timeless: AtomicBool,
 }
 
 /// Hears viewers, on the server's threads, and hands on what they want.
@@ -487,6 +498,7 @@ impl Listener {
 
 impl ServerListener for Listener {
     fn on_subscribe(&self, _client: Client, _channel: ChannelView<'_>) {
+        self.news.timeless.store(true, Ordering::Release);
         self.subscriptions();
     }
 
