@@ -223,12 +223,25 @@ impl RunDir {
                 is_folder,
                 name.as_encoded_bytes().starts_with(shared.as_bytes()),
             ) {
-                (true, _) => fs::remove_dir_all(entry.path())?,
-                (_, true) => fs::remove_file(entry.path())?,
+                (true, _) => self.take_away(&entry.path())?,
+                // A guest removes its own, too.
+                (_, true) => match fs::remove_file(entry.path()) {
+                    Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                    _ => {}
+                },
                 _ => {}
             }
         }
         self.write(BUS, self.bus_prefix().as_bytes())
+    }
+
+    /// Removes a folder in which a guest, who comes or goes just now, may write meanwhile: where it is taken from it is not
+    /// found any more, and what is still written into it goes with the run's folder.
+    fn take_away(&self, folder: &Path) -> io::Result<()> {
+        let unnamed = format!(".{}-{}", name_of(folder), self.beginning);
+        let unnamed = self.path.join(unnamed);
+        fs::rename(folder, &unnamed)?;
+        fs::remove_dir_all(unnamed).or(Ok(()))
     }
 
     /// Writes a file of the folder: whole, or not at all.

@@ -11,7 +11,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use foxglove::messages::Log;
-use harness::{Ran, World, bytes_of, signal, wait_until};
+use harness::{Ran, World, bytes_of, signal, wait, wait_until};
 use prost::Message as _;
 
 /// Starts a graph that records until it is told to stop, and waits until scans are done.
@@ -235,8 +235,19 @@ fn a_graph_whose_shared_memory_is_removed_says_so_and_begins_again_when_a_node_i
     };
     wait_until("it is said", said);
     world.run(&["node", "restart", "hough"]).done();
-    let listens = || world.run(&["topic", "echo", "points", "--count", "1"]).code == Some(0);
-    wait_until("somebody can join", listens);
+    let mut last = None;
+    let listens = || {
+        let ran = world.run(&["topic", "echo", "points", "--count", "1"]);
+        let is_heard = ran.code == Some(0);
+        last = Some(ran);
+        is_heard
+    };
+    let joined = wait(listens);
+    assert!(
+        joined,
+        "nobody can join: {last:?}; {:#?}",
+        log_of_launcher(&world)
+    );
     ends_whole(&world, graph);
 }
 

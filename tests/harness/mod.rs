@@ -247,12 +247,20 @@ impl Ran {
 
 /// Waits until something holds; fails when it takes unreasonably long.
 #[track_caller]
-pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
+pub(crate) fn wait_until(what: &str, holds: impl FnMut() -> bool) {
+    assert!(wait(holds), "waited in vain until {what}");
+}
+
+/// Waits until something holds; false, when it does not come.
+pub(crate) fn wait(mut holds: impl FnMut() -> bool) -> bool {
     let deadline = Instant::now() + Duration::from_secs(120);
     while !holds() {
-        assert!(Instant::now() < deadline, "waited in vain until {what}");
+        if Instant::now() > deadline {
+            return false;
+        }
         std::thread::sleep(Duration::from_millis(10));
     }
+    true
 }
 
 /// Whether a process is gone, files closed and locks let go; one that is only waiting to be reaped is.
