@@ -69,6 +69,24 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     print_on(text).map(drop)
 }
 
+/// A table as text: every column as wide as its widest cell, the last one as long as it is.
+fn aligned<const COLUMNS: usize>(rows: &[[String; COLUMNS]]) -> String {
+    let widest = |column: usize| rows.iter().map(|row| row[column].chars().count()).max();
+    let widths: [usize; COLUMNS] = std::array::from_fn(|column| widest(column).unwrap_or(0));
+    let mut text = String::new();
+    for row in rows {
+        let mut line = String::new();
+        for (cell, width) in row.iter().zip(widths) {
+            line.push_str(cell);
+            let blank = width - cell.chars().count() + 2;
+            line.extend(std::iter::repeat_n(' ', blank));
+        }
+        text.push_str(line.trim_end());
+        text.push('\n');
+    }
+    text
+}
+
 /// Prints a part of a command's result to standard output, and says whether anybody still reads.
 pub(crate) fn print_on(text: &str) -> Result<bool, Failure> {
     use std::io::Write as _;

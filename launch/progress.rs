@@ -34,6 +34,9 @@ pub(crate) struct Progress {
     bar: Option<ProgressBar>,
     is_quiet: bool,
     timeline: Option<Timeline>,
+    /// What differs from playing as fast as it goes, as `paused, `.
+    playing: String,
+    last: bus::Progress,
     began: Option<Instant>,
     next_line: Instant,
 }
@@ -48,6 +51,8 @@ impl Progress {
             bar,
             is_quiet,
             timeline,
+            playing: String::new(),
+            last: bus::Progress::default(),
             began: None,
             next_line: Instant::now(),
         }
@@ -58,12 +63,14 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
-}
 
-impl Watcher for Progress {
-    fn progress(&mut self, progress: &bus::Progress) {
-        let began = *self.began.get_or_insert_with(Instant::now);
-        let rate = progress.done as f64 / began.elapsed().as_secs_f64().max(1e-3);
+    /// How far it has come, in words.
+    fn message(&self) -> String {
+        let progress = &self.last;
+        let elapsed = self
+            .began
+            .map_or(0.0, |began| began.elapsed().as_secs_f64());
+        let rate = progress.done as f64 / elapsed.max(1e-3);
         let refused: u64 = progress.refused.values().sum();
         let dropped = if refused > 0 {
             format!(", {refused} dropped")
@@ -74,7 +81,24 @@ impl Watcher for Progress {
         let position = self.timeline.as_ref();
         let position = position.and_then(|timeline| timeline.position(progress.next_tick));
         let position = position.map_or(String::new(), |position| format!("{position}, "));
-        let message = format!("{position}{rate:.1} triples/s, {under_way} under way{dropped}");
+        let playing = &self.playing;
+        format!("{playing}{position}{rate:.1} triples/s, {under_way} under way{dropped}")
+    }
+}
+
+/// How a recording is played, where it is not just as fast as it goes.
+fn how(playing: &bus::Playing) -> String {
+    let rate = playing.rate.filter(|_| playing.is_recording);
+    let rate = rate.map_or(String::new(), |rate| format!("rate {rate}, "));
+    let paused = if playing.is_paused { "paused, " } else { "" };
+    format!("{paused}{rate}")
+}
+
+impl Watcher for Progress {
+    fn progress(&mut self, progress: &bus::Progress) {
+        self.began.get_or_insert_with(Instant::now);
+        self.last = progress.clone();
+        let message = self.message();
         if let Some(bar) = &self.bar {
             bar.set_length(progress.total.unwrap_or(progress.admitted));
             bar.set_position(progress.done);
@@ -88,6 +112,13 @@ impl Watcher for Progress {
         }
     }
 
+    fn playing(&mut self, playing: &bus::Playing) {
+        self.playing = how(playing);
+        if let Some(bar) = &self.bar {
+            bar.set_message(self.message());
+        }
+    }
+
     fn has_keys(&self) -> bool {
         self.timeline.is_some() && !self.is_quiet
     }
@@ -98,5 +129,30 @@ impl Watcher for Progress {
             Some(bar) => bar.suspend(|| crate::say!("{line}")),
             None => crate::say!("{line}"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_says_that_a_replay_is_paused_and_at_which_rate_it_plays() {
+        let mut progress = Progress::new(true, None);
+        let begins = |progress: &Progress, with: &str| progress.message().starts_with(with);
+        assert!(begins(&progress, "0.0 triples/s"), "as fast as it goes");
+        let mut playing = bus::Playing {
+            is_paused: true,
+            is_recording: true,
+            rate: Some(2.0),
+            span: None,
+            next_nanos: None,
+            sought_from: None,
+        };
+        progress.playing(&playing);
+        assert!(begins(&progress, "paused, rate 2, 0.0 triples/s"));
+        playing.is_paused = false;
+        progress.playing(&playing);
+        assert!(begins(&progress, "rate 2, "));
     }
 }

@@ -73,6 +73,8 @@ pub(crate) struct Ran {
 pub(crate) trait Watcher {
     /// How far the scans have come.
     fn progress(&mut self, progress: &Progress);
+    /// How the source plays from now on.
+    fn playing(&mut self, _playing: &Playing) {}
     /// Whether keys control how the run goes on.
     fn has_keys(&self) -> bool;
     /// Something to tell the user.

@@ -3,11 +3,13 @@
 
 mod harness;
 
+use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::{TcpListener, TcpStream};
 
 use harness::terminal::AtTerminal;
 use harness::{Ran, World, signal, wait_until};
+use serde_json::{Value, json};
 
 #[test]
 fn a_recording_has_all_that_the_layout_shows_and_so_has_a_running_graph() {
@@ -56,6 +58,48 @@ fn what_the_layout_shows_and_a_recording_lacks_is_told_by_panel_and_topic() {
         assert!(check.err.contains(missing), "{missing}: {check:?}");
     }
     assert!(!check.err.contains("camera/left/annotations"), "{check:?}");
+}
+
+#[test]
+fn a_layout_of_ones_own_fails_the_check_for_a_strange_panel_a_missing_field_and_an_empty_panel() {
+    let world = World::recorded("6");
+    for viewer in ["foxglove", "lichtblick"] {
+        let made = world
+            .run(&["view", "x.mcap", "--layout", "--for", viewer])
+            .done();
+        let layout: Value = serde_json::from_str(&made.out).unwrap();
+        let check = |layout: &Value| {
+            fs::write(world.path("own.json"), layout.to_string()).unwrap();
+            let check = format!("--check={}", world.path("own.json").display());
+            world.run(&["view", "x.mcap", &check, "--for", viewer])
+        };
+        check(&layout).done();
+        let fails = |what: &str, change: &dyn Fn(&mut Value)| {
+            let mut layout = layout.clone();
+            change(&mut layout);
+            let check = check(&layout);
+            assert_eq!(check.code, Some(3), "{what}: {check:?}");
+            assert!(check.err.contains(what), "{what}: {check:?}");
+        };
+        fails("TeleopLidar!a is a panel that", &|layout| {
+            layout["configById"]["TeleopLidar!a"] = json!({ "topicPath": "points" });
+        });
+        fails("has no such field", &|layout| {
+            let path = r#""matches/0.8".matches[0].speed"#;
+            layout["configById"]["Plot!a"] = json!({ "paths": [{ "value": path }] });
+        });
+        fails("Plot!a shows nothing", &|layout| {
+            layout["configById"]["Plot!a"] = json!({ "paths": [] });
+        });
+        fails("Tab!a shows nothing", &|layout| {
+            layout["configById"]["Tab!a"] = json!({ "activeTabIdx": 0, "tabs": [] });
+        });
+        // A place in the tree for which there are no settings.
+        fails("Image!a shows nothing", &|layout| {
+            let tree = layout["layout"].take();
+            layout["layout"] = json!({ "first": tree, "second": "Image!a", "direction": "row" });
+        });
+    }
 }
 
 #[test]
@@ -111,6 +155,29 @@ fn a_view_listens_until_it_is_told_to_end() {
     TcpStream::connect(address).unwrap();
     signal(view.id(), "INT");
     assert!(view.wait().unwrap().success());
+}
+
+#[test]
+fn a_view_that_others_may_see_says_how_they_come_to_it() {
+    let world = World::recorded("2");
+    let start = ["view", "x.mcap", "--port", "0", "--host", "0.0.0.0"];
+    let mut view = world.start(&start);
+    let lines = BufReader::new(view.stdout.take().unwrap()).lines();
+    let said: Vec<String> = lines.map_while(Result::ok).take(10).collect();
+    signal(view.id(), "INT");
+    assert!(view.wait().unwrap().success());
+    let line = |with: &str| said.iter().find(|line| line.contains(with));
+    let port = line("  server").unwrap().rsplit(':').next().unwrap();
+    let here = format!("  server      ws://localhost:{port}");
+    assert_eq!(line("  server"), Some(&here));
+    assert!(
+        line("elsewhere").unwrap().contains("in a desktop viewer"),
+        "{said:?}"
+    );
+    assert!(
+        line(&format!("ssh -L {port}:localhost:{port} ")).is_some(),
+        "{said:?}"
+    );
 }
 
 #[test]

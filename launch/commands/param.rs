@@ -1,7 +1,6 @@
 //! `tricurve param`: the parameters of a graph that runs.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 use messages::bus::{Answer, Ask, Parameter, State, ask};
 use messages::change::shown;
@@ -41,28 +40,24 @@ fn list(parameters: &[Parameter], json: bool) -> Result<(), Failure> {
     if json {
         return super::print_json(&parameters);
     }
-    let mut text = String::new();
-    for Parameter {
-        name,
-        value,
-        about,
-        range,
-    } in parameters
-    {
+    let rows = parameters.iter().map(|parameter| {
+        let Parameter {
+            name,
+            value,
+            about,
+            range,
+        } = parameter;
         let range = range.map_or(String::new(), |(least, most)| format!("{least} to {most}"));
-        let about = beginning(about);
-        let value = shown(value);
-        writeln!(text, "{name:<26} {value:<14} {range:<16} {about}").unwrap_or_default();
-    }
-    super::print(&text)
+        [name.clone(), shown(value), range, first_sentence(about)]
+    });
+    super::print(&super::aligned(&rows.collect::<Vec<_>>()))
 }
 
-/// The beginning of a text, at most a line's rest.
-fn beginning(text: &str) -> String {
-    const MOST: usize = 72;
-    match text.char_indices().nth(MOST) {
-        Some((end, _)) => format!("{}…", text[..end].trim_end()),
-        None => text.to_owned(),
+/// What a parameter is; what is known of it beyond that `tricurve validate` prints.
+fn first_sentence(about: &str) -> String {
+    match about.find(". ") {
+        Some(end) => about[..=end].to_owned(),
+        None => about.to_owned(),
     }
 }
 

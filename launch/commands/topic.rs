@@ -108,21 +108,13 @@ fn list(running: &Running, json: bool) -> Result<(), Failure> {
     if json {
         return super::print_json(&known);
     }
-    let mut text = format!(
-        "{:<26} {:<22} {:<9} taken by\n",
-        "topic", "schema", "made by"
-    );
-    for Known {
-        topic,
-        schema,
-        maker,
-        takers,
-    } in known
-    {
-        let (maker, takers) = (maker.unwrap_or_default(), takers.join(", "));
-        writeln!(text, "{topic:<26} {schema:<22} {maker:<9} {takers}").unwrap_or_default();
-    }
-    super::print(&text)
+    let titles = ["topic", "schema", "made by", "taken by"].map(str::to_owned);
+    let row = |known: Known| {
+        let maker = known.maker.unwrap_or_default();
+        [known.topic, known.schema, maker, known.takers.join(", ")]
+    };
+    let rows = std::iter::once(titles).chain(known.into_iter().map(row));
+    super::print(&super::aligned(&rows.collect::<Vec<_>>()))
 }
 
 fn info(running: &Running, name: &str, json: bool) -> Result<(), Failure> {

@@ -249,6 +249,10 @@ fn tell(
             quoted(&script)
         ),
     };
+    let elsewhere = match address.ip().is_loopback() {
+        true => String::new(),
+        false => from_elsewhere(address),
+    };
     let foxgloves = layout(Viewer::Foxglove, "");
     let lichtblicks = layout(Viewer::Lichtblick, " --for lichtblick");
     super::print(&format!(
@@ -257,12 +261,29 @@ fn tell(
          Foxglove    {foxglove}\n  \
          Lichtblick  open a connection, Foxglove WebSocket, {server}\n  \
          Rerun       {rerun}   (pip install rerun-sdk)\n  \
-         layouts     {foxgloves}\n              {lichtblicks}\n"
+         layouts     {foxgloves}\n              {lichtblicks}\n{elsewhere}"
     ))?;
     if args.open {
         open(&foxglove);
     }
     Ok(())
+}
+
+/// What viewers on other machines are to do.
+fn from_elsewhere(address: SocketAddr) -> String {
+    let name = rustix::system::uname();
+    let name = name.nodename().to_string_lossy();
+    let port = address.port();
+    let (host, there) = match address.ip() {
+        ip if ip.is_unspecified() => (name.to_string(), "localhost".to_owned()),
+        std::net::IpAddr::V6(ip) => (format!("[{ip}]"), format!("[{ip}]")),
+        ip => (ip.to_string(), ip.to_string()),
+    };
+    format!(
+        "  elsewhere   ws://{host}:{port} in a desktop viewer. A browser refuses it, since the web viewers'\n              \
+         pages are encrypted and this is not: there, `ssh -L {port}:{there}:{port} {name}`,\n              \
+         and then the addresses above, with localhost\n"
+    )
 }
 
 /// Opens the browser when somebody listens at an address.
@@ -336,8 +357,11 @@ impl Seen {
             crate::say!("view: the layout looks nowhere in particular: {error}");
             None
         });
+        let mut there = defined_in(recording);
+        // What cannot be read is told where it is shown.
+        take_messages(recording, &mut there, MOST_LOOKED_AT).unwrap_or_default();
         Self {
-            there: Some(defined_in(recording)),
+            there: Some(there),
             focus,
             file: std::path::absolute(recording.path()).ok(),
         }
@@ -408,9 +432,18 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
         needs_messages: true,
         ..defined_in(recording)
     };
-    // The newest message of each topic: what is said every second is not said with every scan.
+    take_messages(recording, &mut there, usize::MAX)?;
+    Ok(there)
+}
+
+/// Scans that are looked at for a layout, which is to be there at once.
+const MOST_LOOKED_AT: usize = 64;
+
+/// Takes the newest message of each topic, as far as so many scans have one: what is said every second is not said with
+/// every scan.
+fn take_messages(recording: &mut Recording, there: &mut There, most: usize) -> Result<(), Failure> {
     let mut wanted: BTreeSet<String> = there.topics.keys().cloned().collect();
-    let scans: Vec<u64> = recording.scans().rev().collect();
+    let scans: Vec<u64> = recording.scans().rev().take(most).collect();
     for scan in scans {
         if wanted.is_empty() {
             break;
@@ -427,7 +460,7 @@ fn there_in(recording: &mut Recording) -> Result<There, Failure> {
         }
         recording.reuse(scan);
     }
-    Ok(there)
+    Ok(())
 }
 
 fn checked(args: &Args, codec: &Codec, there: &There) -> Result<Outcome, Failure> {

@@ -187,14 +187,28 @@ pub(super) fn check(layout: &str, there: &There, viewer: Viewer) -> Result<Check
         ..Checked::default()
     };
     let showing: BTreeSet<&str> = references.iter().map(|r| r.panel.as_str()).collect();
-    for panel in panels.keys() {
+    let mut placed = BTreeSet::new();
+    place(layout.get("layout").unwrap_or(&Value::Null), &mut placed);
+    let tabs_of = |config: &Value| config.get("tabs").and_then(Value::as_array).cloned();
+    for tab in panels.values().filter_map(tabs_of).flatten() {
+        place(tab.get("layout").unwrap_or(&Value::Null), &mut placed);
+    }
+    let configured = panels.keys().map(String::as_str);
+    let named: BTreeSet<&str> = configured
+        .chain(placed.iter().map(String::as_str))
+        .collect();
+    for panel in named {
         let kind = panel.split('!').next().unwrap_or_default();
+        let is_filled = match panels.get(panel) {
+            // What it holds are panels of their own.
+            Some(config) if kind == "Tab" => tabs_of(config).is_some_and(|tabs| !tabs.is_empty()),
+            Some(_) => showing.contains(panel) || is_of_graphs(panel),
+            None => false,
+        };
         if !viewer.has(kind) {
             let sentence = format!("{panel} is a panel that {viewer:?} does not have");
             checked.missing.push(sentence);
-        } else if kind == "Tab" {
-            // What it holds are panels of their own.
-        } else if !showing.contains(panel.as_str()) && !is_of_graphs(panel) {
+        } else if !is_filled {
             checked.missing.push(format!("{panel} shows nothing"));
         }
     }
@@ -214,6 +228,24 @@ pub(super) fn check(layout: &str, there: &There, viewer: Viewer) -> Result<Check
         }
     }
     Ok(checked)
+}
+
+/// Notes the panels of a tree: a panel's name, or two trees side by side.
+fn place(tree: &Value, placed: &mut BTreeSet<String>) {
+    match tree {
+        Value::String(panel) => {
+            placed.insert(panel.clone());
+        }
+        Value::Object(halves) => {
+            for half in ["first", "second"]
+                .iter()
+                .filter_map(|half| halves.get(*half))
+            {
+                place(half, placed);
+            }
+        }
+        _ => {}
+    }
 }
 
 /// Whether one thing is there; says what is not.

@@ -16,6 +16,8 @@ RECORDING = @recording@
 VIEWS = @views@
 # What is drawn in space, in metres, in the frame world: x forward, y to the left, z up.
 POINTS = @points@
+# The frame that they are given in, said before the first of them comes: Rerun marks what it finds no frame for.
+FRAME = @frame@
 EYE = @eye@
 TARGET = @target@
 
@@ -26,7 +28,13 @@ def blueprint():
         contents=["/tf", *POINTS, *(f"/camera/{view}/calibration" for view in VIEWS)],
         spatial_information=rrb.SpatialInformation(target_frame="world"),
         eye_controls=rrb.EyeControls3D(position=EYE, look_target=TARGET, eye_up=(0, 0, 1)),
-        overrides={topic: rr.Points3D.from_fields(colors=[0x33D0F0FF], radii=rr.Radius.ui_points(1.2)) for topic in POINTS},
+        overrides={
+            topic: [
+                rr.Points3D.from_fields(colors=[0x33D0F0FF], radii=rr.Radius.ui_points(1.2)),
+                rr.CoordinateFrame(FRAME),
+            ]
+            for topic in POINTS
+        },
     )
     disparity = rrb.Spatial2DView(origin="/disparity/picture", name="disparity")
     images = [rrb.Spatial2DView(origin=f"/camera/{view}/image", name=view) for view in VIEWS]

@@ -59,6 +59,7 @@ pub(super) fn script(codec: &Codec, focus: Option<&Focus>, recording: Option<&Pa
     SCRIPT
         .replace("@views@", &list(views))
         .replace("@points@", &list(points))
+        .replace("@frame@", &Value::from(codec.points_frame()).to_string())
         .replace("@eye@", &place([x + forward, y + left, z + up]))
         .replace("@target@", &place([x, y, z]))
         .replace(

@@ -67,6 +67,7 @@ impl<W: Watcher> Supervisor<'_, W> {
 
     /// The source says how it plays.
     pub(super) fn playing(&mut self, playing: Playing) {
+        self.watcher.playing(&playing);
         let before = self.playing.replace(playing);
         let state = self.state();
         for reply in self.curious.drain(..) {

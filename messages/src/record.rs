@@ -188,6 +188,14 @@ impl Codec {
         ["world", "rig"].into_iter().chain(optical).chain(rail)
     }
 
+    /// The frame that points are given in: of a moving camera, that of the whole map.
+    pub fn points_frame(&self) -> &str {
+        match self.rig.rail {
+            Some(_) => Rail::FRAME,
+            None => &self.optical_frames[self.reference],
+        }
+    }
+
     /// The rig.
     pub fn rig(&self) -> &Rig {
         &self.rig
