@@ -325,7 +325,8 @@ impl<'a> Viewing<'a> {
             self.choose()?;
             self.say_again();
         }
-        self.out.server.greet();
+        let nanos = self.nanos();
+        self.out.server.greet(nanos);
         self.play();
         let scan = self.next_scan()?;
         self.has_more = scan.is_some();
@@ -509,9 +510,16 @@ impl<'a> Viewing<'a> {
         self.ledger.hear(event);
     }
 
+    /// What time it is in what is seen: that of the last scan, or of the first one that will come.
+    fn nanos(&self) -> u64 {
+        let last = self.last.map(|(_, nanos)| nanos);
+        let next = || self.state.playing?.next_nanos;
+        last.or_else(next).unwrap_or_else(now_nanos)
+    }
+
     fn begin(&mut self) {
-        let (sequence, nanos) = self.last.unwrap_or((0, now_nanos()));
-        self.out.begin(sequence, nanos);
+        let sequence = self.last.map_or(0, |(sequence, _)| sequence);
+        self.out.begin(sequence, self.nanos());
     }
 
     fn log(&mut self, level: Level, node: &str, line: &str) {

@@ -126,7 +126,8 @@ impl Player {
         if self.server.wishes().recv_timeout(timeout).is_ok() {
             self.server.wishes().try_iter().for_each(drop);
         }
-        self.server.greet();
+        let nanos = self.server.playback().nanos;
+        self.server.greet(nanos);
         let now = Instant::now();
         let has_new = self.server.has_new_subscriptions();
         if has_new && self.server.has_subscriptions() {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -163,8 +163,6 @@ pub(crate) struct Server {
     doorman: Doorman,
     address: SocketAddr,
     told_slow: BTreeSet<SocketAddr>,
-    /// The time that viewers were told last, in nanoseconds since 1970.
-    told_nanos: AtomicU64,
 }
 
 impl Server {
@@ -270,7 +268,6 @@ impl Server {
             viewers: Viewers::default(),
             backlog: settings.backlog,
             told_slow: BTreeSet::new(),
-            told_nanos: AtomicU64::new(0),
         })
     }
 
@@ -306,9 +303,11 @@ impl Server {
         self.news.subscriptions.swap(false, Ordering::AcqRel)
     }
 
-    /// Tells viewers how the recording plays when one has come that does not know it yet.
-    pub(crate) fn greet(&self) {
+    /// Tells viewers what time it is and how the recording plays when one has come that does not know it yet. It is to know
+    /// the time before it subscribes: viewers take what comes before the first time for something of 1970.
+    pub(crate) fn greet(&self, nanos: u64) {
         if self.news.viewers.swap(false, Ordering::AcqRel) {
+            self.time(nanos);
             self.tell_playback(false);
         }
     }
@@ -366,13 +365,8 @@ impl Server {
         self.viewers.missed()
     }
 
-    /// Sends a message to all who are subscribed. Who knows no time yet is told it before: viewers take what comes before the
-    /// first time for something of 1970.
+    /// Sends a message to all who are subscribed.
     pub(crate) fn send(&self, channel: usize, nanos: u64, message: &[u8]) {
-        if self.news.timeless.swap(false, Ordering::AcqRel) {
-            let told = self.told_nanos.load(Ordering::Relaxed);
-            self.time(if told == 0 { nanos } else { told });
-        }
         let meta = PartialMetadata {
             log_time: Some(nanos),
         };
@@ -381,7 +375,6 @@ impl Server {
 
     /// Tells viewers what time it is in what they see.
     pub(crate) fn time(&self, nanos: u64) {
-        self.told_nanos.store(nanos, Ordering::Relaxed);
         if let Some(handle) = &self.handle {
             handle.broadcast_time(nanos);
         }
@@ -470,8 +463,6 @@ fn services(wish: &Sender<Wish>) -> Vec<Service> {
 struct News {
     subscriptions: AtomicBool,
     viewers: AtomicBool,
-    /// Whether somebody subscribed who may not know yet what time it is.
-    timeless: AtomicBool,
 }
 
 /// Hears viewers, on the server's threads, and hands on what they want.
@@ -498,7 +489,6 @@ impl Listener {
 
 impl ServerListener for Listener {
     fn on_subscribe(&self, _client: Client, _channel: ChannelView<'_>) {
-        self.news.timeless.store(true, Ordering::Release);
         self.subscriptions();
     }
 
@@ -507,10 +497,8 @@ impl ServerListener for Listener {
     }
 
     fn on_client_connect(&self) {
-        if self.span.is_some() {
-            self.news.viewers.store(true, Ordering::Release);
-            self.look();
-        }
+        self.news.viewers.store(true, Ordering::Release);
+        self.look();
     }
 
     fn on_playback_control_request(
