@@ -3,7 +3,10 @@
 
 mod harness;
 
+use std::collections::BTreeSet;
+
 use harness::World;
+use scraper::{ElementRef, Html, Selector};
 
 /// The page of a recording of a small scene.
 fn page(world: &World, arguments: &[&str]) -> String {
@@ -23,6 +26,208 @@ fn addresses(page: &str) -> Vec<&str> {
         .into_iter()
         .flat_map(of)
         .collect()
+}
+
+/// A page as a browser reads it, and it finds nothing wrong with it.
+fn parsed(page: &str) -> Html {
+    let html = Html::parse_document(page);
+    assert!(html.errors.is_empty(), "{:?}", html.errors);
+    html
+}
+
+/// What a selector of CSS finds, in the order of the page.
+fn all<'a>(html: &'a Html, selector: &str) -> Vec<ElementRef<'a>> {
+    html.select(&Selector::parse(selector).unwrap()).collect()
+}
+
+fn text(element: ElementRef<'_>) -> String {
+    element.text().collect()
+}
+
+/// The sections of a page in their order, by their ids.
+fn sections(html: &Html) -> Vec<&str> {
+    let sections = all(html, "section").into_iter();
+    sections
+        .map(|section| section.attr("id").unwrap())
+        .collect()
+}
+
+#[test]
+fn every_section_is_reached_from_the_navigation_in_the_order_of_the_page() {
+    let world = World::recorded("2");
+    let html = parsed(&page(&world, &["--scans", "0.."]));
+    let links = all(&html, "nav a").into_iter();
+    let links: Vec<&str> = links
+        .map(|link| link.attr("href").unwrap().strip_prefix('#').unwrap())
+        .collect();
+    assert_eq!(links, sections(&html));
+    let ids: Vec<&str> = all(&html, "[id]")
+        .iter()
+        .map(|element| element.attr("id").unwrap())
+        .collect();
+    assert_eq!(BTreeSet::from_iter(&ids).len(), ids.len(), "{ids:?}");
+}
+
+#[test]
+fn every_picture_is_embedded_once_and_opened_by_a_button_of_its_own() {
+    // The same still scene twice: what is the same is not embedded again.
+    let world = World::recorded("2");
+    let html = parsed(&page(&world, &["--scans", "0.."]));
+    let pictures = all(&html, "img[src^='data:'], image[href^='data:']");
+    let held: BTreeSet<&str> = pictures
+        .iter()
+        .map(|picture| picture.attr("src").or(picture.attr("href")).unwrap())
+        .collect();
+    assert!(held.len() > 10 && held.len() == pictures.len());
+    let opened: BTreeSet<&str> = all(&html, "button[popovertarget]")
+        .iter()
+        .map(|button| button.attr("popovertarget").unwrap())
+        .collect();
+    for picture in pictures {
+        let figure = picture
+            .ancestors()
+            .filter_map(ElementRef::wrap)
+            .find(|element| element.value().name() == "figure")
+            .unwrap();
+        assert!(figure.attr("popover").is_some());
+        assert!(opened.contains(figure.attr("id").unwrap()));
+    }
+    let again = all(&html, "#scan-1 figure.same a");
+    assert!(!again.is_empty());
+    for link in again {
+        let first = format!("#scan-0 {}", link.attr("href").unwrap());
+        assert_eq!(all(&html, &first).len(), 1, "{first}");
+    }
+}
+
+#[test]
+fn every_axis_of_every_plot_has_its_name_and_its_unit() {
+    let world = World::recorded("2");
+    let html = parsed(&page(&world, &[]));
+    let axis = Selector::parse("text.axis").unwrap();
+    let (plots, spaces) = (all(&html, ".plot svg"), all(&html, "svg.space"));
+    assert!(plots.len() > 8 && spaces.len() == 3);
+    for drawing in plots.iter().chain(&spaces) {
+        let names: Vec<String> = drawing.select(&axis).map(text).collect();
+        assert!(names.len() >= 2, "{names:?}");
+        for name in names {
+            let (what, unit) = name.split_once(" (").unwrap();
+            assert!(
+                !what.is_empty() && unit.len() > 1 && unit.ends_with(')'),
+                "{name}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_was_set_stands_apart_from_what_was_measured_and_beside_what_it_would_be() {
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let run = [
+        "run", "--source", &source, "--scans", "1", "--record", "x.mcap",
+    ];
+    let set = ["--set", "track.points=7"];
+    world.run(&[&run[..], &set].concat()).done();
+    let html = parsed(&page(&world, &[]));
+    let titles: Vec<String> = all(&html, "#measured h2, #settings h2")
+        .into_iter()
+        .map(text)
+        .collect();
+    assert_eq!(titles, ["What was measured", "What was set"]);
+    let rows: Vec<String> = all(&html, "#settings > .wide tbody tr")
+        .into_iter()
+        .map(|row| row.child_elements().map(text).collect::<Vec<_>>().join("|"))
+        .collect();
+    let row = rows.iter().find(|row| row.starts_with("track.points|7|"));
+    let default = row.unwrap().split('|').nth(2).unwrap();
+    assert!(
+        default.parse::<u32>().is_ok_and(|points| points != 7),
+        "{rows:?}"
+    );
+    // Nothing else was set, and all that was not is folded.
+    assert!(rows.len() < 4, "{rows:?}");
+    assert!(!all(&html, "#settings > details table").is_empty());
+    assert!(!text(all(&html, "#measured")[0]).contains("track.points"));
+}
+
+#[test]
+fn of_a_rail_the_map_comes_first_and_says_what_its_colours_are() {
+    let world = World::new();
+    let rail = world.small_rail("rail", 0..8);
+    let source = rail.to_string_lossy();
+    let run = [
+        "run", "--source", &source, "--layout", "rail", "--record", "x.mcap",
+    ];
+    world.run(&run).done();
+    let html = parsed(&page(&world, &[]));
+    assert_eq!(sections(&html)[..3], ["map", "measured", "settings"]);
+    assert_eq!(
+        all(&html, "#map .ramp").len(),
+        all(&html, "#map svg.space").len()
+    );
+    let scale: String = all(&html, "#map .scale").into_iter().map(text).collect();
+    assert!(scale.contains(" px"), "{scale}");
+}
+
+#[test]
+fn errors_are_shown_in_pixels_where_the_truth_is_known_and_confidence_everywhere() {
+    let world = World::new();
+    let run = [
+        "run",
+        "--source",
+        "scene:tab",
+        "--scans",
+        "1",
+        "--record",
+        "x.mcap",
+    ];
+    world.run(&run).done();
+    let pictures = |page: &str| {
+        let html = parsed(page);
+        ["Error of each point", "Confidence of each point"].map(|name| {
+            let found = all(&html, &format!("img[alt^='{name}']"));
+            let figure = found.first().and_then(|image| {
+                let mut parents = image.ancestors().filter_map(ElementRef::wrap);
+                parents.find(|element| element.value().name() == "figure")
+            });
+            figure.map(text)
+        })
+    };
+    let [error, confidence] = pictures(&page(&world, &[])).map(Option::unwrap);
+    assert!(
+        error.contains("0 px0.5 px1 px1.5 px2 px off or more"),
+        "{error}"
+    );
+    assert!(confidence.contains("10 % wrong or more"), "{confidence}");
+    let without = [
+        "filter",
+        "x.mcap",
+        "--topics",
+        "points,statistics",
+        "-o",
+        "f.mcap",
+    ];
+    world.run(&without).done();
+    world.run(&["report", "f.mcap", "-o", "f.html"]).done();
+    let page = std::fs::read_to_string(world.path("f.html")).unwrap();
+    let [error, confidence] = pictures(&page);
+    assert!(error.is_none() && confidence.is_some());
+}
+
+#[test]
+fn a_recording_of_nothing_is_a_page_that_says_so() {
+    let world = World::recorded("1");
+    let bytes = std::fs::read(world.path("x.mcap")).unwrap();
+    // A run that died before its first scan.
+    std::fs::write(world.path("e.mcap"), &bytes[..20_000]).unwrap();
+    let ran = world.run(&["report", "e.mcap", "-o", "e.html"]);
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    let page = std::fs::read_to_string(world.path("e.html")).unwrap();
+    let html = parsed(&page);
+    assert_eq!(sections(&html), ["measured", "settings", "run", "ledger"]);
+    assert!(page.contains("none: there is no scan"), "{page}");
 }
 
 #[test]

@@ -46,6 +46,23 @@ impl Pictured {
         }
     }
 
+    /// What a share of its colours means, 0 the first and 1 the last, in words. Of disparities their [`Span`] says it.
+    pub fn meaning(self, share: f32) -> impl fmt::Display {
+        fmt::from_fn(move |f| match self {
+            Self::Disparity => Ok(()),
+            Self::Error => {
+                let more = if share < 1.0 { "" } else { " off or more" };
+                write!(f, "{} px{more}", share * WORST_ERROR)
+            }
+            Self::Confidence => {
+                let [least, most] = CHANCES;
+                let percent = 100.0 * least * (most / least).powf(share);
+                let more = if share < 1.0 { "" } else { " wrong or more" };
+                write!(f, "{percent:.*} %{more}", usize::from(percent < 3.0))
+            }
+        })
+    }
+
     /// What it is made of.
     pub fn kinds(self) -> &'static [Kind] {
         match self {
@@ -95,6 +112,11 @@ impl Views {
         let step = 3 * size.width;
         raw_image_head(header.capture_nanos, frame, size, "rgb8", step, out);
         Fill(out).open(6, 3 * size.pixels());
+        self.painted(size, pictured, seen, out);
+    }
+
+    /// Appends a picture's pixels, three bytes each; they are black where what it shows is not there.
+    pub fn painted(&self, size: Size, pictured: Pictured, seen: &Seen<'_>, out: &mut Vec<u8>) {
         let colours = &self.colours;
         let points = seen.points.map_or(&[][..], |points| points.points);
         match pictured {
@@ -133,16 +155,11 @@ impl Views {
                 disparities(codec, span, colours, labels, &mut sheet);
             }
             (Pictured::Disparity, None) => {}
-            (Pictured::Error, _) => tell(colours, labels, &mut sheet, |share, text| {
-                let more = if share < 1.0 { "" } else { " off or more" };
-                write!(text, "{} px{more}", share * WORST_ERROR)
-            }),
-            (Pictured::Confidence, _) => tell(colours, labels, &mut sheet, |share, text| {
-                let [least, most] = CHANCES;
-                let percent = 100.0 * least * (most / least).powf(share);
-                let more = if share < 1.0 { "" } else { " wrong or more" };
-                write!(text, "{percent:.*} %{more}", usize::from(percent < 3.0))
-            }),
+            (Pictured::Error | Pictured::Confidence, _) => {
+                tell(colours, labels, &mut sheet, |share, text| {
+                    write!(text, "{}", pictured.meaning(share))
+                });
+            }
         }
         sheet.finish();
     }

@@ -1,11 +1,10 @@
 //! How good the results are, where the recording holds an evaluation against the truth.
 
-use std::fmt::{self, Write as _};
-
+use maud::{Markup, html};
 use messages::{Evaluation, Kind, Owned, Score, Topic};
 
-use super::page::{count, escape, missing};
-use super::plot::{self, Series};
+use super::page::{Figure, count, missing, percent, table};
+use super::plot::{self, Quantity, Series};
 use super::title;
 use crate::Recording;
 
@@ -21,70 +20,126 @@ pub struct Mismatches {
 /// Gives a scan's mismatches, where they can be found out.
 pub type Rivals<'a> = dyn FnMut(&mut Recording, u64) -> Option<Mismatches> + 'a;
 
-/// The section, when there is an evaluation: figures of the scans shown, and of all scans over time.
-pub(super) fn section(
-    out: &mut String,
-    recording: &mut Recording,
-    shown: &[u64],
-    plotted: &[u64],
-    rivals: &mut Rivals<'_>,
-) -> fmt::Result {
-    if !is_there(recording) {
-        return Ok(());
-    }
-    let Some(topic) = Topic::of(&recording.metadata().rig, Kind::Evaluation).pop() else {
-        return Ok(());
-    };
-    out.push_str(
-        "<section id=\"accuracy\"><h2>Accuracy</h2><p>Against the truth of the reference view. Coverage: share of its edge \
-         pixels (Canny) with known truth that have a point within one pixel. Bad: share of the points whose disparity is \
-         off by more than so many pixels from every truth within two columns; rows too: and, along level contours, within three \
-         rows. Mismatches: points off by over two pixels from every truth around them, false \
-         targets.</p>",
-    );
-    for &scan in shown {
-        write!(out, "<h3>{}</h3>", escape(title(recording, scan)))?;
-        match recording.read::<Evaluation>(scan, &topic) {
-            Ok(evaluation) => {
-                out.push_str("<div class=\"grid two\">");
-                scores(out, recording, &evaluation)?;
-                surest(out, &evaluation)?;
-                out.push_str("</div>");
-            }
-            Err(error) => missing(out, error)?,
+/// The scores of the results of many scans.
+pub(super) struct Scores(Vec<(u64, Score)>);
+
+impl Scores {
+    /// Of these scans.
+    pub(super) fn read(recording: &mut Recording, scans: &[u64]) -> Self {
+        let topic = Topic::of(&recording.metadata().rig, Kind::Evaluation).pop();
+        let (true, Some(topic)) = (is_there(recording), topic) else {
+            return Self(Vec::new());
+        };
+        let mut scores = Vec::new();
+        for &scan in scans {
+            let read = recording.read::<Evaluation>(scan, &topic);
+            let first = read
+                .ok()
+                .and_then(|read| read.view().scores.first().copied());
+            scores.extend(first.map(|score| (scan, score)));
         }
-        if let Some(mismatches) = rivals(recording, scan) {
-            table_of(out, &mismatches)?;
+        Self(scores)
+    }
+
+    /// One number of each scan.
+    fn of(&self, of: impl Fn(&Score) -> f64) -> Vec<f64> {
+        self.0.iter().map(|(_, score)| of(score)).collect()
+    }
+
+    /// What is to be seen at once: medians over the scans.
+    pub(super) fn figures(&self) -> Vec<Figure> {
+        let figure = |name: &str, values: Vec<f64>, unit: &str| {
+            Some(Figure {
+                name: name.to_owned(),
+                value: plot::median(&values)?,
+                unit: unit.to_owned(),
+            })
+        };
+        [
+            figure("of the edges covered", self.of(coverage), "%"),
+            figure(
+                "of the points off by over 1 px",
+                self.of(|score| 100.0 * f64::from(score.bad_one)),
+                "%",
+            ),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    /// Their plots, of two scans or more.
+    fn plots(&self) -> Markup {
+        if self.0.len() < 2 {
+            return html! {};
         }
-    }
-    let mut results: Vec<(u64, Score)> = Vec::new();
-    for &scan in plotted {
-        let read = recording.read::<Evaluation>(scan, &topic);
-        let first = read
-            .ok()
-            .and_then(|read| read.view().scores.first().copied());
-        results.extend(first.map(|score| (scan, score)));
-    }
-    if results.len() > 1 {
-        let numbers: Vec<u64> = results.iter().map(|(scan, _)| *scan).collect();
+        let scans: Vec<u64> = self.0.iter().map(|(scan, _)| *scan).collect();
         let series = |name: &str, of: fn(&Score) -> f64| Series {
             name: name.to_owned(),
-            values: results.iter().map(|(_, score)| of(score)).collect(),
+            values: self.of(of),
         };
-        out.push_str("<h3>Over all scans</h3><div class=\"grid three\">");
-        let coverage = series("coverage", |score| 100.0 * f64::from(score.coverage));
-        plot::lines(out, "coverage", "%", &numbers, &[coverage])?;
+        let covered = series("coverage", coverage);
         let bad = [
             series("over 0.5 px", |score| 100.0 * f64::from(score.bad_half)),
             series("over 1 px", |score| 100.0 * f64::from(score.bad_one)),
             series("over 2 px", |score| 100.0 * f64::from(score.bad_two)),
         ];
-        plot::lines(out, "points that are off", "%", &numbers, &bad)?;
         let median = series("median", |score| f64::from(score.median));
-        plot::lines(out, "median error", "px", &numbers, &[median])?;
-        out.push_str("</div>");
+        html! {
+            h3 { "Over all scans" }
+            div.plots {
+                (plot::lines("Coverage", Quantity::of("covered edges", "%"), &scans, &[covered]))
+                (plot::lines("Points that are off", Quantity::of("points", "%"), &scans, &bad))
+                (plot::lines("Median error", Quantity::of("error", "px"), &scans, &[median]))
+            }
+        }
     }
-    out.write_str("</section>\n")
+}
+
+fn coverage(score: &Score) -> f64 {
+    100.0 * f64::from(score.coverage)
+}
+
+/// The section, when there is an evaluation: figures of the scans shown, and of all scans over time.
+pub(super) fn section(
+    recording: &mut Recording,
+    shown: &[u64],
+    scores: &Scores,
+    rivals: &mut Rivals<'_>,
+) -> Markup {
+    let topic = Topic::of(&recording.metadata().rig, Kind::Evaluation).pop();
+    let (true, Some(topic)) = (is_there(recording), topic) else {
+        return html! {};
+    };
+    let mut scans = Vec::new();
+    for &scan in shown {
+        let tables = match recording.read::<Evaluation>(scan, &topic) {
+            Ok(evaluation) => {
+                html! { (table_of_scores(recording, &evaluation)) (surest(&evaluation)) }
+            }
+            Err(error) => missing(error),
+        };
+        let mismatches = rivals(recording, scan);
+        scans.push(html! {
+            h3 { (title(recording, scan)) }
+            (tables)
+            @if let Some(mismatches) = mismatches { (table_of_methods(&mismatches)) }
+        });
+    }
+    html! {
+        section #accuracy {
+            h2 { "Accuracy" }
+            p {
+                "Against the truth of the reference view. Coverage: share of its edge pixels (Canny) with known truth that \
+                 have a point within one pixel. Bad: share of the points whose disparity is off by more than so many pixels \
+                 from every truth within two columns; rows too: and, along level contours, within three rows. Mismatches: \
+                 points off by over two pixels from every truth around them, false targets."
+            }
+            @for scan in &scans { (scan) }
+            (scores.plots())
+        }
+        "\n"
+    }
 }
 
 /// Whether the recording has such a section.
@@ -93,76 +148,89 @@ pub(super) fn is_there(recording: &Recording) -> bool {
 }
 
 /// The figures of the result and of each channel.
-fn scores(out: &mut String, recording: &Recording, evaluation: &Owned<Evaluation>) -> fmt::Result {
-    out.push_str(
-        "<div class=\"wide\"><table><thead><tr><th>channel</th><th class=\"n\">coverage</th><th class=\"n\">bad 0.5 %</th>\
-         <th class=\"n\">bad 1 %</th><th class=\"n\">bad 2 %</th><th class=\"n\">rows too: bad 1 %</th>\
-         <th class=\"n\">bad 2 %</th><th class=\"n\">median px</th><th class=\"n\">points</th>\
-         <th class=\"n\">mismatches</th></tr></thead><tbody>",
-    );
+fn table_of_scores(recording: &Recording, evaluation: &Owned<Evaluation>) -> Markup {
     let channels = &recording.metadata().rig.channels;
-    for score in evaluation.view().scores {
-        let channel = match channels.get(score.channel as usize) {
-            Some(variance) => format!("σ² = {variance}"),
-            None => "all".to_owned(),
-        };
-        let percent = |share: f32| format!("{:.2}", 100.0 * share);
-        writeln!(
-            out,
-            "<tr><td>{channel}</td><td class=\"n\">{:.3}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>\
-             <td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{:.3}</td>\
-             <td class=\"n\">{}</td><td class=\"n\">{}</td></tr>",
-            score.coverage,
-            percent(score.bad_half),
-            percent(score.bad_one),
-            percent(score.bad_two),
-            percent(score.bad_one_rows_too()),
-            percent(score.bad_two_rows_too()),
-            score.median,
-            count(score.points.into()),
-            count(score.mismatches.into()),
-        )?;
-    }
-    out.write_str("</tbody></table></div>")
+    let columns = [
+        ("channel", false),
+        ("coverage, %", true),
+        ("bad 0.5 px, %", true),
+        ("bad 1 px, %", true),
+        ("bad 2 px, %", true),
+        ("rows too: bad 1 px, %", true),
+        ("bad 2 px, %", true),
+        ("median, px", true),
+        ("points", true),
+        ("mismatches", true),
+    ];
+    let rows = html! {
+        @for score in evaluation.view().scores {
+            tr {
+                td {
+                    @match channels.get(score.channel as usize) {
+                        Some(variance) => { "σ² = " (variance) }
+                        None => { "all" }
+                    }
+                }
+                @for share in [
+                    score.coverage,
+                    score.bad_half,
+                    score.bad_one,
+                    score.bad_two,
+                    score.bad_one_rows_too(),
+                    score.bad_two_rows_too(),
+                ] {
+                    td.n { (percent(share)) }
+                }
+                td.n { (format_args!("{:.3}", score.median)) }
+                td.n { (count(score.points.into())) }
+                td.n { (count(score.mismatches.into())) }
+            }
+            "\n"
+        }
+    };
+    table(&columns, &rows)
 }
 
 /// What the surest points amount to.
-fn surest(out: &mut String, evaluation: &Owned<Evaluation>) -> fmt::Result {
-    out.push_str(
-        "<div class=\"wide\"><table><thead><tr><th class=\"n\">surest %</th><th class=\"n\">score from</th>\
-         <th class=\"n\">coverage</th><th class=\"n\">bad 1 %</th></tr></thead><tbody>",
-    );
-    for share in evaluation.view().curve.iter().skip(3).step_by(4) {
-        writeln!(
-            out,
-            "<tr><td class=\"n\">{:.0}</td><td class=\"n\">{:.3}</td><td class=\"n\">{:.3}</td>\
-             <td class=\"n\">{:.2}</td></tr>",
-            100.0 * share.share,
-            share.score,
-            share.coverage,
-            100.0 * share.bad_one,
-        )?;
-    }
-    out.write_str("</tbody></table></div>")
+fn surest(evaluation: &Owned<Evaluation>) -> Markup {
+    let columns = [
+        ("surest points, %", true),
+        ("score from", true),
+        ("coverage, %", true),
+        ("bad 1 px, %", true),
+    ];
+    let rows = html! {
+        @for share in evaluation.view().curve.iter().skip(3).step_by(4) {
+            tr {
+                td.n { (format_args!("{:.0}", 100.0 * share.share)) }
+                td.n { (format_args!("{:.3}", share.score)) }
+                td.n { (percent(share.coverage)) }
+                td.n { (percent(share.bad_one)) }
+            }
+            "\n"
+        }
+    };
+    html! { h4 { "The surest points alone" } (table(&columns, &rows)) }
 }
 
 /// The thesis's table.
-fn table_of(out: &mut String, mismatches: &Mismatches) -> fmt::Result {
-    out.push_str(
-        "<p>Mismatches of three methods on the same curves, as the thesis compares them:</p><div class=\"wide\"><table>\
-         <thead><tr><th>channel</th>",
-    );
-    for method in &mismatches.methods {
-        write!(out, "<th class=\"n\">{}</th>", escape(method))?;
-    }
-    out.push_str("</tr></thead><tbody>");
-    for (channel, cells) in &mismatches.rows {
-        write!(out, "<tr><td>{}</td>", escape(channel))?;
-        for (wrong, points) in cells {
-            let (wrong, points) = (count((*wrong).into()), count((*points).into()));
-            write!(out, "<td class=\"n\">{wrong} of {points}</td>")?;
+fn table_of_methods(mismatches: &Mismatches) -> Markup {
+    let methods = mismatches.methods.iter();
+    let methods = methods.map(|method| (method.as_str(), true));
+    let columns: Vec<(&str, bool)> = [("channel", false)].into_iter().chain(methods).collect();
+    let rows = html! {
+        @for (channel, cells) in &mismatches.rows {
+            tr {
+                td { (channel) }
+                @for (wrong, points) in cells {
+                    td.n { (count((*wrong).into())) " of " (count((*points).into())) }
+                }
+            }
+            "\n"
         }
-        out.push_str("</tr>");
+    };
+    html! {
+        h4 { "Mismatches of three methods on the same curves, as the thesis compares them" }
+        (table(&columns, &rows))
     }
-    out.write_str("</tbody></table></div>")
 }

@@ -1,11 +1,12 @@
 //! The thesis's figures as small PNG: few colours, so a palette, and no more pixels than a page can show.
 
-use messages::record::{Colours, Span};
+use image::ExtendedColorType;
+use messages::record::{Colours, Pictured, Seen, Span, Views};
 use messages::{Curve, CurvesView, Edge, MatchPoint, Size};
 use png::EncodingError;
 
 use crate::compact::{Pixels, compact, encode};
-use crate::export::pictures;
+use crate::export::pictures::{self, Picture};
 
 /// The longest side of a figure in pixels; larger images are drawn at a half, a third …
 const LONGEST_SIDE: u32 = 800;
@@ -139,6 +140,33 @@ impl Sheet {
         self.disparities(places, span)
     }
 
+    /// A picture of points as viewers are shown it.
+    pub(super) fn painted(
+        self,
+        pictured: Pictured,
+        seen: &Seen<'_>,
+    ) -> Result<Vec<u8>, EncodingError> {
+        let mut rgb = Vec::new();
+        Views::default().painted(self.full, pictured, seen, &mut rgb);
+        let (full, _) = rgb.as_chunks::<3>();
+        let (size, width) = (self.size(), self.full.width as usize);
+        let mut bytes = vec![0; 3 * size.pixels()];
+        let (pixels, _) = bytes.as_chunks_mut::<3>();
+        // Points are few and black is nothing: none of them is left out because its neighbour is none.
+        for (at, colour) in full.iter().enumerate() {
+            if *colour != Colours::UNKNOWN {
+                let (x, y) = (at % width, at / width);
+                let step = self.step as usize;
+                pixels[y / step * size.width as usize + x / step] = *colour;
+            }
+        }
+        compact(&Picture {
+            size,
+            bytes,
+            colours: ExtendedColorType::Rgb8,
+        })
+    }
+
     fn disparities(
         self,
         places: impl Iterator<Item = (f32, f32, f32)>,
@@ -169,13 +197,25 @@ pub(super) fn shades() -> Vec<[u8; 3]> {
     palette
 }
 
+/// How a figure is to be shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Look {
+    /// As it is.
+    Photograph,
+    /// Dark strokes on paper, light ones on a dark page.
+    Ink,
+    /// Single pixels in colours on black, which fade where a page shows them smaller.
+    Sparse,
+}
+
 /// The classes of a figure's picture.
-pub(super) fn class(sheet: Sheet, is_ink: bool) -> &'static str {
-    match (sheet.is_coarse(), is_ink) {
-        (true, true) => "coarse ink",
-        (true, false) => "coarse",
-        (false, true) => "ink",
-        (false, false) => "",
+pub(super) fn class(sheet: Sheet, look: Look) -> &'static str {
+    match (sheet.is_coarse(), look) {
+        (true, Look::Ink) => "coarse ink",
+        (true, _) => "coarse",
+        (false, Look::Ink) => "ink",
+        (false, Look::Sparse) => "sparse",
+        (false, Look::Photograph) => "",
     }
 }
 

@@ -1,88 +1,79 @@
 //! The page: its frame, its style, and what every section is made of.
 
-use std::fmt::{self, Display, Write};
+use std::collections::HashMap;
+use std::fmt::{self, Display};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 use messages::Size;
 use messages::record::Colours;
-
-/// Text of a recording as it stands in a page: whatever it holds, it stays text.
-pub(super) struct Escaped<T>(T);
-
-/// Makes text of anything safe, between tags and in quoted attributes.
-pub(super) fn escape<T: Display>(text: T) -> Escaped<T> {
-    Escaped(text)
-}
-
-impl<T: Display> Display for Escaped<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(Escaping(f), "{}", self.0)
-    }
-}
-
-/// Passes text on with what means something in HTML written out.
-struct Escaping<'a, 'b>(&'a mut fmt::Formatter<'b>);
-
-impl Write for Escaping<'_, '_> {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        text.chars().try_for_each(|c| match c {
-            '&' => self.0.write_str("&amp;"),
-            '<' => self.0.write_str("&lt;"),
-            '>' => self.0.write_str("&gt;"),
-            '"' => self.0.write_str("&quot;"),
-            '\'' => self.0.write_str("&#39;"),
-            // No page may hold them.
-            c if c.is_control() && !matches!(c, '\n' | '\t') => self.0.write_char('\u{fffd}'),
-            c => self.0.write_char(c),
-        })
-    }
-}
 
 const STYLE: &str = include_str!("style.css");
 
 /// The page up to its first section. Its policy lets nothing in from outside, should ever something ask for it.
-pub(super) fn begin(out: &mut String, title: &str) -> fmt::Result {
-    write!(
-        out,
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" \
-         content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n\
-         <title>{} · tricurve</title>\n<style>\n{STYLE}",
-        escape(title)
-    )?;
-    let (colours, circle) = (Colours::new(), Colours::circle());
-    let stops = |colours: &Colours| -> Vec<String> {
+pub(super) fn begin(title: &str) -> Markup {
+    html! {
+        (DOCTYPE)
+        (PreEscaped("\n<html lang=\"en\">\n"))
+        head {
+            meta charset="utf-8";
+            meta http-equiv="Content-Security-Policy"
+                content="default-src 'none'; img-src data:; style-src 'unsafe-inline'";
+            meta name="viewport" content="width=device-width, initial-scale=1";
+            meta name="color-scheme" content="light dark";
+            title { (title) " · tricurve" }
+            style { (PreEscaped(STYLE)) (PreEscaped(colours())) }
+        }
+        (PreEscaped("\n<body>\n<main>\n"))
+    }
+}
+
+/// The colours of pictures, for their legends.
+fn colours() -> String {
+    let stops = |colours: &Colours| {
         let stop = |i: u8| {
             let [r, g, b] = colours.of(f32::from(i) / 16.0);
             format!("#{r:02x}{g:02x}{b:02x}")
         };
-        (0..=16).map(stop).collect()
+        (0..=16).map(stop).collect::<Vec<_>>().join(",")
     };
-    writeln!(
-        out,
-        ".ramp{{background:linear-gradient(90deg,{})}}",
-        stops(&colours).join(",")
-    )?;
+    let (ramp, wheel) = (stops(&Colours::new()), stops(&Colours::circle()));
     // An orientation of 0 points to the right, a quarter turn down: clockwise from three o'clock.
-    writeln!(
-        out,
-        ".wheel{{background:conic-gradient(from 90deg,{})}}",
-        stops(&circle).join(",")
-    )?;
-    out.write_str("</style>\n</head>\n<body>\n<main>\n")
+    format!(
+        ".ramp{{background:linear-gradient(90deg,{ramp})}}\n.wheel{{background:conic-gradient(from 90deg,{wheel})}}\n"
+    )
 }
 
 /// The end of the page.
-pub(super) fn end(out: &mut String) -> fmt::Result {
-    writeln!(
-        out,
-        "</main>\n<footer>Made by tricurve {} from the recording alone; the same recording gives the same page.</footer>\n\
-         </body>\n</html>",
-        env!("CARGO_PKG_VERSION")
-    )
+pub(super) fn end() -> Markup {
+    html! {
+        (PreEscaped("</main>\n"))
+        footer {
+            "Made by tricurve " (env!("CARGO_PKG_VERSION"))
+            " from the recording alone; the same recording gives the same page."
+        }
+        (PreEscaped("\n</body>\n</html>\n"))
+    }
+}
+
+/// Links to the sections: each its id and what it is called.
+pub(super) fn navigation(sections: &[(String, String)]) -> Markup {
+    html! {
+        nav aria-label="sections" {
+            @for (id, name) in sections {
+                a href={ "#" (id) } { (name) }
+            }
+        }
+    }
+}
+
+/// Replaces what no page may hold, whatever names are made of: control characters.
+pub(super) fn printable(html: &mut String) {
+    let is_lost = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if html.contains(is_lost) {
+        *html = html.replace(is_lost, "\u{fffd}");
+    }
 }
 
 /// What a picture shows.
@@ -91,45 +82,134 @@ pub(super) struct Shown<'a> {
     pub(super) class: &'a str,
     /// What to say to those who cannot see it.
     pub(super) alt: &'a str,
-    /// What stands below it, as HTML.
-    pub(super) caption: &'a str,
+    /// What stands below it.
+    pub(super) caption: Markup,
 }
 
-/// A picture that a click enlarges.
-pub(super) fn picture(out: &mut String, png: &[u8], size: Size, shown: &Shown<'_>) -> fmt::Result {
-    let Shown {
-        class,
-        alt,
-        caption,
-    } = shown;
-    let Size { width, height } = size;
-    write!(
-        out,
-        "<figure><label class=\"zoom\"><input type=\"checkbox\" aria-label=\"enlarge: {0}\">\
-         <img class=\"{class}\" width=\"{width}\" height=\"{height}\" alt=\"{0}\" src=\"",
-        escape(alt)
-    )?;
-    data_uri(out, png);
-    writeln!(
-        out,
-        "\"></label><figcaption>{caption}</figcaption></figure>"
-    )
+/// The pictures of a page: each can be enlarged, and stands in it once.
+#[derive(Debug, Default)]
+pub(super) struct Album {
+    /// The numbers of the pictures by what they hold.
+    known: HashMap<blake3::Hash, usize>,
+    pictures: usize,
+}
+
+impl Album {
+    /// A picture with what stands below it; of one that the page has already, a link to that.
+    pub(super) fn picture(&mut self, png: &[u8], size: Size, shown: Shown<'_>) -> Markup {
+        let Shown {
+            class,
+            alt,
+            caption,
+        } = shown;
+        let next = self.pictures;
+        let number = *self.known.entry(blake3::hash(png)).or_insert(next);
+        if number < next {
+            return html! {
+                figure.same {
+                    p.missing { a href={ "#picture-" (number) } { "The same picture as before" } }
+                    figcaption { (caption) }
+                }
+            };
+        }
+        let Size { width, height } = size;
+        let image = html! { img class=[named(class)] width=(width) height=(height) alt=(alt) src=(Png(png)); };
+        self.enlargeable(size, alt, &image, &caption)
+    }
+
+    /// Something drawn with what stands below it.
+    ///
+    /// A popover needs no script: its button, a click or the Escape key close it. It is shown where it stands as long as
+    /// it is closed, so that the page holds the picture once; the cell keeps its place meanwhile.
+    pub(super) fn enlargeable(
+        &mut self,
+        size: Size,
+        alt: &str,
+        drawn: &Markup,
+        caption: &Markup,
+    ) -> Markup {
+        let id = format!("picture-{}", self.pictures);
+        self.pictures += 1;
+        html! {
+            div.cell style={ "aspect-ratio:" (size.width) "/" (size.height) } {
+                figure id=(id) popover {
+                    div.pan {
+                        button type="button" popovertarget=(id) aria-label={ "enlarge: " (alt) } { (drawn) }
+                    }
+                    figcaption { (caption) }
+                }
+            }
+            "\n"
+        }
+    }
+}
+
+/// Class names, when there are any.
+fn named(class: &str) -> Option<&str> {
+    (!class.is_empty()).then_some(class)
 }
 
 /// A PNG as an address that holds it whole.
-pub(super) fn data_uri(out: &mut String, png: &[u8]) {
-    out.push_str("data:image/png;base64,");
-    STANDARD.encode_string(png, out);
+pub(super) struct Png<'a>(pub(super) &'a [u8]);
+
+impl Render for Png<'_> {
+    fn render_to(&self, out: &mut String) {
+        out.push_str("data:image/png;base64,");
+        STANDARD.encode_string(self.0, out);
+    }
+}
+
+/// A place in a drawing: a tenth of a pixel is fine enough.
+pub(super) struct At(pub(super) f64);
+
+impl Display for At {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1}", self.0)
+    }
 }
 
 /// In place of what cannot be shown: why.
-pub(super) fn missing(out: &mut String, why: impl Display) -> fmt::Result {
+pub(super) fn missing(why: impl Display) -> Markup {
     let why = why.to_string();
     let mut letters = why.chars();
     // Errors begin in lower case, sentences do not.
     let first = letters.next().into_iter().flat_map(char::to_uppercase);
     let sentence: String = first.chain(letters).collect();
-    writeln!(out, "<p class=\"missing\">{}.</p>", escape(sentence))
+    html! { p.missing { (sentence) "." } "\n" }
+}
+
+/// A table that scrolls sideways in itself: each column its name and whether it holds numbers.
+pub(super) fn table(columns: &[(&str, bool)], rows: &Markup) -> Markup {
+    html! {
+        div.wide tabindex="0" role="group" aria-label="table" {
+            table {
+                thead { tr { @for (name, is_number) in columns { th.n[*is_number] { (name) } } } }
+                tbody { (rows) }
+            }
+        }
+    }
+}
+
+/// A number and what it is of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Figure {
+    /// What it is of.
+    pub(super) name: String,
+    /// The number.
+    pub(super) value: String,
+    /// Its unit, or nothing.
+    pub(super) unit: String,
+}
+
+/// Numbers that are to be seen at once.
+pub(super) fn numbers(figures: &[Figure]) -> Markup {
+    html! {
+        dl.numbers {
+            @for Figure { name, value, unit } in figures {
+                div { dt { (name) } dd { (value) @if !unit.is_empty() { " " span { (unit) } } } }
+            }
+        }
+    }
 }
 
 /// A count with its thousands apart.
@@ -150,22 +230,49 @@ pub(super) fn counted(number: u64, one: &str, many: &str) -> String {
     format!("{} {}", count(number), if number == 1 { one } else { many })
 }
 
+/// A share as percent, with two places behind the point.
+pub(super) fn percent(share: f32) -> String {
+    format!("{:.2}", 100.0 * share)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn whatever_a_name_holds_it_stays_text() {
+        let text = |name: &str| {
+            let mut html = html! { p title=(name) { (name) } }.into_string();
+            printable(&mut html);
+            html
+        };
         assert_eq!(
-            escape("<b>x</b> & \"y\" 'z'").to_string(),
-            "&lt;b&gt;x&lt;/b&gt; &amp; &quot;y&quot; &#39;z&#39;"
+            text("<b>x</b> & \"y\""),
+            "<p title=\"&lt;b&gt;x&lt;/b&gt; &amp; &quot;y&quot;\">&lt;b&gt;x&lt;/b&gt; &amp; &quot;y&quot;</p>"
         );
-        assert_eq!(
-            escape("a\u{0}b\u{1b}[c\n").to_string(),
-            "a\u{fffd}b\u{fffd}[c\n"
+        let lost = text("a\u{0}b\u{1b}[c\u{85}\n");
+        assert!(
+            lost.ends_with(">a\u{fffd}b\u{fffd}[c\u{fffd}\n</p>"),
+            "{lost}"
         );
-        assert_eq!(escape("σ² ∇²G").to_string(), "σ² ∇²G");
-        assert_eq!(escape(format_args!("{}", "<")).to_string(), "&lt;");
+        assert!(text("σ² ∇²G").contains(">σ² ∇²G<"));
+    }
+
+    #[test]
+    fn a_picture_that_the_page_has_already_is_not_embedded_again() {
+        let mut album = Album::default();
+        let mut add = |png: &[u8]| {
+            let shown = Shown {
+                class: "",
+                alt: "x",
+                caption: html! {},
+            };
+            album.picture(png, Size::new(4, 3), shown).into_string()
+        };
+        let (one, other, again) = (add(b"one"), add(b"other"), add(b"one"));
+        assert!(one.contains("<img") && other.contains("<img"));
+        assert!(!again.contains("<img"), "{again}");
+        assert!(one.contains("id=\"picture-0\"") && again.contains("href=\"#picture-0\""));
     }
 
     #[test]

@@ -1,13 +1,15 @@
 //! Plots as SVG in the page: histograms, and lines over the scans.
 
-use std::fmt::{self, Write};
+use std::fmt::{self, Display};
 
-use super::page::{count, escape};
+use maud::{Markup, html};
 
-const WIDTH: f64 = 420.0;
-const HEIGHT: f64 = 200.0;
-/// Room left of the plot, for numbers; and right, above and below it.
-const SIDES: [f64; 4] = [44.0, 10.0, 8.0, 34.0];
+use super::page::{At, Figure, count, missing, numbers};
+
+const WIDTH: f64 = 380.0;
+const HEIGHT: f64 = 230.0;
+/// Room left of the plot, for numbers; and right, above and below it, for the names of the axes.
+const SIDES: [f64; 4] = [56.0, 12.0, 26.0, 42.0];
 const BINS: usize = 40;
 /// How many colours there are for series.
 const COLOURS: usize = 8;
@@ -19,6 +21,63 @@ pub(super) struct Series {
     pub(super) name: String,
     /// In their order.
     pub(super) values: Vec<f64>,
+}
+
+/// What an axis measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Quantity<'a> {
+    /// What it is called.
+    pub(super) name: &'a str,
+    /// What it is measured in.
+    pub(super) unit: Unit<'a>,
+}
+
+/// What a quantity is measured in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unit<'a> {
+    /// In this unit: `px`, `m`, `ms`, `%`.
+    In(&'a str),
+    /// It is counted.
+    Count,
+    /// A share, 0 to 1.
+    Share,
+}
+
+impl<'a> Quantity<'a> {
+    /// A quantity in a unit.
+    pub(super) const fn of(name: &'a str, unit: &'a str) -> Self {
+        Self {
+            name,
+            unit: Unit::In(unit),
+        }
+    }
+
+    /// A number of things.
+    pub(super) const fn counted(name: &'a str) -> Self {
+        Self {
+            name,
+            unit: Unit::Count,
+        }
+    }
+
+    /// What stands behind its numbers, or nothing.
+    fn beside(self) -> &'a str {
+        match self.unit {
+            Unit::In(unit) => unit,
+            Unit::Count | Unit::Share => "",
+        }
+    }
+}
+
+impl Display for Quantity<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = match self.unit {
+            Unit::In(unit) => unit,
+            Unit::Count => "count",
+            Unit::Share => "0 to 1",
+        };
+        write!(f, "{} ({unit})", self.name)
+    }
 }
 
 /// Round numbers between two ends, at most so many but two at least where two lie there.
@@ -47,23 +106,29 @@ pub(super) fn decimals(ticks: &[f64]) -> usize {
     }
 }
 
+/// A whole number with its thousands apart.
+fn whole(value: f64) -> String {
+    let sign = if value <= -0.5 { "-" } else { "" };
+    format!("{sign}{}", count(value.abs().round() as u64))
+}
+
 /// A number beside an axis.
 fn label(value: f64, places: usize) -> String {
     let (value, unit) = match value.abs() {
         large if large >= 1e9 => (value / 1e9, "G"),
         large if large >= 1e6 => (value / 1e6, "M"),
-        large if large >= 1e4 => (value / 1e3, "k"),
+        large if large >= 1e3 && places == 0 => return whole(value),
         _ => return format!("{value:.places$}"),
     };
     // What is divided may have places that it had not.
     let text = format!("{value:.1}");
-    format!("{}{unit}", text.trim_end_matches(".0"))
+    format!("{} {unit}", text.trim_end_matches(".0"))
 }
 
 /// A number of a caption: three digits are enough.
 pub(super) fn brief(value: f64) -> String {
     match value.abs() {
-        large if large >= 1000.0 => count(value.round() as u64),
+        large if large >= 1000.0 => whole(value),
         large if large >= 100.0 => format!("{value:.0}"),
         large if large >= 10.0 => format!("{value:.1}"),
         large if large >= 1.0 || large == 0.0 => format!("{value:.2}"),
@@ -74,7 +139,7 @@ pub(super) fn brief(value: f64) -> String {
 /// Numbers of a caption, of the same kind: counts have no places behind the point.
 fn briefly(values: &[f64]) -> fn(f64) -> String {
     match values.iter().all(|value| value.fract() == 0.0) {
-        true => |value| count(value as u64),
+        true => whole,
         false => brief,
     }
 }
@@ -85,13 +150,23 @@ pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     sorted.get((last as f64 * share).round() as usize).copied()
 }
 
-/// Maps values onto the plot.
-struct Axes {
-    x: (f64, f64),
-    y: (f64, f64),
+/// The value in the middle, as a caption has it.
+pub(super) fn median(values: &[f64]) -> Option<String> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    quantile(&sorted, 0.5).map(briefly(values))
 }
 
-impl Axes {
+/// Maps values onto the plot.
+struct Axes<'a> {
+    x: (f64, f64),
+    y: (f64, f64),
+    /// What they measure.
+    across: Quantity<'a>,
+    up: Quantity<'a>,
+}
+
+impl Axes<'_> {
     fn x(&self, value: f64) -> f64 {
         let [left, right, ..] = SIDES;
         left + (value - self.x.0) / (self.x.1 - self.x.0) * (WIDTH - left - right)
@@ -102,68 +177,50 @@ impl Axes {
         HEIGHT - bottom - (value - self.y.0) / (self.y.1 - self.y.0) * (HEIGHT - top - bottom)
     }
 
-    /// The lines and numbers; below stands what x is.
-    fn draw(&self, out: &mut String, x_ticks: &[f64], x_name: &str) -> fmt::Result {
-        let [left, right, _, bottom] = SIDES;
+    /// The lines and numbers, and what they measure.
+    fn drawn(&self, x_ticks: &[f64]) -> Markup {
+        let [left, right, top, bottom] = SIDES;
         let (end, base) = (WIDTH - right, HEIGHT - bottom);
         let y_ticks = ticks(self.y.0, self.y.1, 4);
-        let places = decimals(&y_ticks);
-        for tick in &y_ticks {
-            let y = self.y(*tick);
-            let class = if *tick == 0.0 { "base" } else { "rule" };
-            write!(
-                out,
-                "<line class=\"{class}\" x1=\"{left}\" x2=\"{end}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
-                 <text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-                left - 6.0,
-                y + 4.0,
-                label(*tick, places)
-            )?;
+        let (x_places, y_places) = (decimals(x_ticks), decimals(&y_ticks));
+        html! {
+            @for tick in &y_ticks {
+                @let y = self.y(*tick);
+                line class=(if *tick == 0.0 { "base" } else { "rule" })
+                    x1=(left) x2=(end) y1=(At(y)) y2=(At(y)) {}
+                text x=(left - 6.0) y=(At(y + 4.0)) text-anchor="end" { (label(*tick, y_places)) }
+            }
+            @for tick in x_ticks {
+                text x=(At(self.x(*tick))) y=(base + 16.0) text-anchor="middle" { (label(*tick, x_places)) }
+            }
+            text.axis x="2" y=(top - 12.0) { (self.up) }
+            text.axis x=(end) y=(base + 34.0) text-anchor="end" { (self.across) }
         }
-        let places = decimals(x_ticks);
-        for tick in x_ticks {
-            write!(
-                out,
-                "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-                self.x(*tick),
-                base + 14.0,
-                label(*tick, places)
-            )?;
-        }
-        write!(
-            out,
-            "<text x=\"{end}\" y=\"{}\" text-anchor=\"end\">{}</text>",
-            base + 29.0,
-            escape(x_name)
-        )
     }
 }
 
-fn begin(out: &mut String, title: &str, alt: &str) -> fmt::Result {
-    write!(
-        out,
-        "<figure class=\"plot\"><h4>{}</h4><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">",
-        escape(title),
-        escape(alt)
-    )
+/// A plot: its title, what is drawn, what its colours are when there are several, and what there is to say.
+fn plot(title: &str, alt: &str, drawn: &Markup, series: &[Series], caption: &str) -> Markup {
+    html! {
+        figure.plot {
+            h4 { (title) }
+            svg viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label=(alt) { (drawn) }
+            @if series.len() > 1 {
+                ul.keys {
+                    @for (number, one) in series.iter().enumerate() {
+                        li { i class=(colour(number)) {} (one.name) }
+                    }
+                }
+            }
+            figcaption { (caption) }
+        }
+        "\n"
+    }
 }
 
-/// The end of a plot: what its colours are, when there are several, and what there is to say.
-fn end(out: &mut String, series: &[Series], caption: &str) -> fmt::Result {
-    out.push_str("</svg>");
-    if series.len() > 1 {
-        out.push_str("<ul class=\"keys\">");
-        for (number, one) in series.iter().enumerate() {
-            let colour = number % COLOURS;
-            write!(
-                out,
-                "<li><i class=\"s{colour}\"></i>{}</li>",
-                escape(&one.name)
-            )?;
-        }
-        out.push_str("</ul>");
-    }
-    writeln!(out, "<figcaption>{}</figcaption></figure>", escape(caption))
+/// The class of a series's colour.
+fn colour(number: usize) -> String {
+    format!("s{}", number % COLOURS)
 }
 
 /// How far beyond the hundredth that is greatest a plot may go on for its sake, in widths of the rest.
@@ -172,11 +229,11 @@ const LONGEST_TAIL: f64 = 0.5;
 /// How often which values occur, the series one upon the other. The greatest hundredth is told in words where it reaches
 /// so far that it would squeeze all others into a few bars.
 pub(super) fn histogram(
-    out: &mut String,
     title: &str,
-    unit: &str,
+    across: Quantity<'_>,
+    what: &str,
     series: &[Series],
-) -> fmt::Result {
+) -> Markup {
     let mut sorted: Vec<f64> = series
         .iter()
         .flat_map(|one| one.values.iter().copied())
@@ -190,11 +247,7 @@ pub(super) fn histogram(
         sorted.last().copied(),
     );
     let (Some(least), Some(most), Some(median), Some(greatest)) = ends else {
-        return write!(
-            out,
-            "<figure class=\"plot\"><h4>{}</h4><p class=\"missing\">There is none.</p></figure>",
-            escape(title)
-        );
+        return html! { figure.plot { h4 { (title) } (missing("There is none")) } };
     };
     // From zero, where that costs little room.
     let least = if least >= 0.0 && least < most / 2.0 {
@@ -221,146 +274,118 @@ pub(super) fn histogram(
     let axes = Axes {
         x: (least, most),
         y: (0.0, highest as f64 * 1.04),
+        across,
+        up: Quantity::counted(what),
     };
-    let (number, median) = (count(sorted.len() as u64), brief(median));
-    let beside = if unit.is_empty() {
-        String::new()
-    } else {
-        format!(" {unit}")
-    };
-    let alt = format!("Histogram: {title}; {number} values, median {median}{beside}");
-    begin(out, title, &alt)?;
-    axes.draw(out, &ticks(least, most, 6), unit)?;
-    let wide = (axes.x(most) - axes.x(least)) / BINS as f64;
-    for bin in 0..BINS {
-        let mut below = 0;
-        for (number, bins) in bins.iter().enumerate() {
-            let (bottom, top) = (axes.y(below as f64), axes.y((below + bins[bin]) as f64));
-            below += bins[bin];
-            if bins[bin] > 0 {
-                write!(
-                    out,
-                    "<rect class=\"s{}\" x=\"{:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\"/>",
-                    number % COLOURS,
-                    axes.x(least) + wide * bin as f64 + 0.4,
-                    wide - 0.8,
-                    bottom - top
-                )?;
-            }
-        }
-    }
-    let mut caption = format!("{number} values, median {median}{beside}");
+    let beside = spaced(across);
+    let mut caption = format!(
+        "{} values, median {}{beside}",
+        count(sorted.len() as u64),
+        brief(median)
+    );
+    let alt = format!("Histogram: {title}; {caption}");
     if beyond > 0 {
         let (beyond, most) = (count(beyond), brief(most));
-        write!(caption, "; {beyond} beyond {most}{beside} are not shown")?;
+        caption += &format!("; {beyond} beyond {most}{beside} are not shown");
     }
-    end(out, series, &caption)
+    let wide = (axes.x(most) - axes.x(least)) / BINS as f64;
+    let drawn = html! {
+        (axes.drawn(&ticks(least, most, 6)))
+        @for bin in 0..BINS {
+            @for (number, own) in bins.iter().enumerate().filter(|(_, own)| own[bin] > 0) {
+                @let below: u64 = bins[..number].iter().map(|bins| bins[bin]).sum();
+                @let (bottom, top) = (axes.y(below as f64), axes.y((below + own[bin]) as f64));
+                rect class=(colour(number)) x=(At(axes.x(least) + wide * bin as f64 + 0.4)) y=(At(top))
+                    width=(At(wide - 0.8)) height=(At(bottom - top)) {}
+            }
+        }
+    };
+    plot(title, &alt, &drawn, series, &caption)
+}
+
+/// A quantity's unit behind a number.
+fn spaced(quantity: Quantity<'_>) -> String {
+    match quantity.beside() {
+        "" => String::new(),
+        unit => format!(" {unit}"),
+    }
 }
 
 /// Values over the scans, from zero up.
-pub(super) fn lines(
-    out: &mut String,
-    title: &str,
-    unit: &str,
-    scans: &[u64],
-    series: &[Series],
-) -> fmt::Result {
+pub(super) fn lines(title: &str, up: Quantity<'_>, scans: &[u64], series: &[Series]) -> Markup {
     let all = series.iter().flat_map(|one| one.values.iter().copied());
     let highest = all.filter(|value| value.is_finite()).fold(0.0, f64::max);
     let (first, last) = match scans {
-        [] => return Ok(()),
+        [] => return html! {},
         [first, .., last] => (*first as f64, *last as f64),
         // Of a single scan there is no line to draw.
-        [_] => return numbers(out, title, unit, series),
+        [_] => return of_one(title, up, series),
     };
     let axes = Axes {
         x: (first, last),
         y: (0.0, if highest > 0.0 { highest * 1.06 } else { 1.0 }),
+        across: Quantity {
+            name: "scan",
+            unit: Unit::In("number"),
+        },
+        up,
     };
     let caption = match series {
-        [one] => summary(&one.values, unit),
+        [one] => summary(&one.values, up),
         _ => {
             let each = series.iter().map(|one| {
-                let mut sorted = one.values.clone();
-                sorted.sort_by(f64::total_cmp);
-                let median = quantile(&sorted, 0.5).unwrap_or_default();
-                format!("{} {}", one.name, brief(median))
+                let median = median(&one.values).unwrap_or_default();
+                format!("{} {median}{}", one.name, spaced(up))
             });
-            format!("medians in {unit}: {}", each.collect::<Vec<_>>().join(", "))
+            format!("medians: {}", each.collect::<Vec<_>>().join(", "))
         }
     };
-    begin(out, title, &format!("{title} over the scans: {caption}"))?;
     let mut x_ticks = ticks(first, last, 6);
     x_ticks.retain(|tick| tick.fract() == 0.0);
-    let axis = if unit.is_empty() {
-        "scan".to_owned()
-    } else {
-        format!("{unit}, by scan")
-    };
-    axes.draw(out, &x_ticks, &axis)?;
-    for (number, one) in series.iter().enumerate() {
-        let colour = number % COLOURS;
-        let places = scans.iter().zip(&one.values);
-        let places: Vec<String> = places
-            .map(|(scan, value)| format!("{:.1},{:.1}", axes.x(*scan as f64), axes.y(*value)))
-            .collect();
-        write!(
-            out,
-            "<polyline class=\"s{colour}\" points=\"{}\"/>",
-            places.join(" ")
-        )?;
-        // Of few scans each is marked.
-        if places.len() <= 40 {
-            for place in &places {
-                let (x, y) = place.split_once(',').unwrap_or_default();
-                write!(
-                    out,
-                    "<circle class=\"s{colour}\" cx=\"{x}\" cy=\"{y}\" r=\"2.6\"/>"
-                )?;
+    let drawn = html! {
+        (axes.drawn(&x_ticks))
+        @for (number, one) in series.iter().enumerate() {
+            @let places = || scans.iter().zip(&one.values).map(|(x, y)| (axes.x(*x as f64), axes.y(*y)));
+            polyline class=(colour(number)) points=(strip(places())) {}
+            // Of few scans each is marked.
+            @if scans.len() <= 40 {
+                @for (x, y) in places() {
+                    circle class=(colour(number)) cx=(At(x)) cy=(At(y)) r="2.6" {}
+                }
             }
         }
-    }
-    end(out, series, &caption)
+    };
+    let alt = format!("{title} over the scans: {caption}");
+    plot(title, &alt, &drawn, series, &caption)
+}
+
+/// The places that a line goes through.
+fn strip(places: impl Iterator<Item = (f64, f64)>) -> String {
+    let place = |(x, y)| format!("{},{}", At(x), At(y));
+    places.map(place).collect::<Vec<_>>().join(" ")
 }
 
 /// The numbers of a single scan.
-fn numbers(out: &mut String, title: &str, unit: &str, series: &[Series]) -> fmt::Result {
-    write!(
-        out,
-        "<figure class=\"plot\"><h4>{}</h4><dl class=\"numbers\">",
-        escape(title)
-    )?;
-    for one in series {
-        let name = if series.len() > 1 {
-            one.name.as_str()
-        } else {
-            ""
-        };
-        let value = one
-            .values
-            .first()
-            .map_or_else(String::new, |value| briefly(&one.values)(*value));
-        write!(
-            out,
-            "<div><dt>{}</dt><dd>{value} <span>{}</span></dd></div>",
-            escape(name),
-            escape(unit)
-        )?;
-    }
-    out.write_str("</dl></figure>\n")
+fn of_one(title: &str, up: Quantity<'_>, series: &[Series]) -> Markup {
+    let of = |one: &Series| Figure {
+        name: match series.len() {
+            1 => up.name.to_owned(),
+            _ => one.name.clone(),
+        },
+        value: median(&one.values).unwrap_or_default(),
+        unit: up.beside().to_owned(),
+    };
+    let figures: Vec<Figure> = series.iter().map(of).collect();
+    html! { figure.plot { h4 { (title) } (numbers(&figures)) } }
 }
 
-fn summary(values: &[f64], unit: &str) -> String {
+fn summary(values: &[f64], of: Quantity<'_>) -> String {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let brief = briefly(values);
-    let of = |share| brief(quantile(&sorted, share).unwrap_or_default());
-    let unit = if unit.is_empty() {
-        String::new()
-    } else {
-        format!(" {unit}")
-    };
-    format!("median {}{unit}, {} to {}", of(0.5), of(0.0), of(1.0))
+    let at = |share| brief(quantile(&sorted, share).unwrap_or_default());
+    let unit = spaced(of);
+    format!("median {}{unit}, {} to {}{unit}", at(0.5), at(0.0), at(1.0))
 }
 
 #[cfg(test)]
@@ -380,7 +405,7 @@ mod tests {
         assert_eq!(decimals(&ticks(0.0, 1000.0, 5)), 0);
         assert_eq!(
             [0.0, 15_000.0, 2e6].map(|value| label(value, 0)),
-            ["0", "15k", "2M"]
+            ["0", "15\u{202f}000", "2 M"]
         );
     }
 
@@ -390,23 +415,20 @@ mod tests {
             name: "<one>".to_owned(),
             values: values.to_vec(),
         };
-        let mut svg = String::new();
         let mut values: Vec<f64> = (0..1000).map(f64::from).collect();
         values.push(1e6);
-        histogram(
-            &mut svg,
-            "length",
-            "px",
-            &[series(&values), series(&[f64::NAN])],
-        )
-        .unwrap_or_default();
+        let length = Quantity::of("length", "px");
+        let both = [series(&values), series(&[f64::NAN])];
+        let svg = histogram("Length", length, "curves", &both).into_string();
         assert!(
             svg.contains("1\u{202f}001 values, median 500 px; 10 beyond 990 px"),
             "{svg}"
         );
         assert!(svg.contains("&lt;one&gt;") && !svg.contains("NaN"), "{svg}");
-        let mut none = String::new();
-        histogram(&mut none, "length", "px", &[]).unwrap_or_default();
+        for axis in ["length (px)", "curves (count)"] {
+            assert!(svg.contains(axis), "{svg}");
+        }
+        let none = histogram("Length", length, "curves", &[]).into_string();
         assert!(none.contains("There is none."), "{none}");
     }
 
@@ -416,13 +438,16 @@ mod tests {
             name: "edges".to_owned(),
             values: values.to_vec(),
         };
-        let (mut one, mut two) = (String::new(), String::new());
-        lines(&mut one, "edges", "ms", &[7], &[series(&[5.5])]).unwrap_or_default();
+        let time = Quantity::of("time", "ms");
+        let one = lines("edges", time, &[7], &[series(&[5.5])]).into_string();
         assert!(
             one.contains("5.50 <span>ms</span>") && !one.contains("<svg"),
             "{one}"
         );
-        lines(&mut two, "edges", "ms", &[7, 9], &[series(&[5.0, 6.0])]).unwrap_or_default();
+        let two = lines("edges", time, &[7, 9], &[series(&[5.0, 6.0])]).into_string();
+        for axis in ["time (ms)", "scan (number)"] {
+            assert!(two.contains(axis), "{two}");
+        }
         assert_eq!(two.matches("<circle").count(), 2, "{two}");
         assert!(
             two.contains(">7</text>") && two.contains(">9</text>"),

@@ -1,17 +1,18 @@
-//! A scan on the page: its views, the thesis's figures channel by channel, its points in space, what is spread how.
+//! A scan on the page: its views, what came of it, its points in space, the thesis's figures channel by channel, what is
+//! spread how.
 
-use std::fmt::{self, Write};
-
-use messages::record::{Recorded, Span, Statistics};
+use maud::{Markup, html};
+use messages::record::{Pictured, Recorded, Seen, Span, Statistics};
 use messages::{
     Calibration, Curves, CurvesView, Disparity, Edges, Image, Kind, Match, Matches, NONE, Owned,
-    Points, Size, Topic,
+    Points, Size, Topic, Truth,
 };
 
 use super::Fault;
-use super::figures::{Sheet, class};
-use super::page::{Shown, count, counted, escape, missing, picture};
-use super::plot::{Series, brief, histogram};
+use super::figures::{Look, Sheet, class};
+use super::legend;
+use super::page::{Album, Shown, count, counted, missing, table};
+use super::plot::{Quantity, Series, Unit, histogram};
 use super::space::{self, Eye};
 use crate::info::date;
 use crate::{ReadError, Recording, Scan};
@@ -22,6 +23,7 @@ const MOST_LISTED: usize = 25;
 /// What is read of a scan before it is drawn: all figures share the colours of its disparities.
 struct Drawn<'a> {
     recording: &'a Recording,
+    album: &'a mut Album,
     scan: Scan,
     sheet: Sheet,
     camera: Calibration,
@@ -31,52 +33,50 @@ struct Drawn<'a> {
     span: Option<Span>,
 }
 
-/// Writes the section of a scan, and gives how many bytes of it could not be read.
+/// The section of a scan, and how many bytes of it could not be read.
 pub(super) fn section(
-    out: &mut String,
+    album: &mut Album,
     recording: &mut Recording,
     sequence: u64,
     title: &str,
-) -> Result<u64, Fault> {
-    write!(
-        out,
-        "<section id=\"scan-{sequence}\"><h2>{}</h2>",
-        escape(title)
-    )?;
+) -> Result<(Markup, u64), Fault> {
     let (scan, unreadable) = match recording.salvage(sequence) {
         Ok(read) => read,
-        Err(error) => {
-            missing(out, error)?;
-            out.push_str("</section>\n");
-            return Ok(0);
-        }
+        Err(error) => return Ok((framed(sequence, title, &missing(error)), 0)),
     };
-    if unreadable > 0 {
-        let bytes = count(unreadable);
-        missing(
-            out,
-            format!("{bytes} bytes of this scan are damaged; what could be read is shown"),
-        )?;
-    }
-    let mut drawn = Drawn::new(recording, scan);
-    drawn.facts(out)?;
-    drawn.views(out)?;
+    let mut drawn = Drawn::new(recording, album, scan);
     let channels = drawn.recording.metadata().rig.channels.clone();
-    let mut lengths = Vec::new();
+    let (facts, views) = (drawn.facts(), drawn.views()?);
+    let (results, space) = (drawn.results()?, drawn.space()?);
+    let (mut figures, mut lengths) = (Vec::new(), Vec::new());
     for (channel, variance) in channels.iter().enumerate() {
-        lengths.push(drawn.channel(out, channel, *variance)?);
+        let (drawn, of_channel) = drawn.channel(channel, *variance)?;
+        figures.push(drawn);
+        lengths.push(of_channel);
     }
-    drawn.space(out)?;
-    drawn.distributions(out, &channels, lengths)?;
-    out.push_str("</section>\n");
+    let all = html! {
+        @if unreadable > 0 {
+            (missing(format_args!(
+                "{} bytes of this scan are damaged; what could be read is shown",
+                count(unreadable)
+            )))
+        }
+        (facts) (views) (results) (space)
+        @for figures in &figures { (figures) }
+        (drawn.distributions(&channels, lengths))
+    };
     let scan = std::mem::take(&mut drawn.scan);
     drop(drawn);
     recording.reuse(scan);
-    Ok(unreadable)
+    Ok((framed(sequence, title, &all), unreadable))
+}
+
+fn framed(sequence: u64, title: &str, all: &Markup) -> Markup {
+    html! { section id={ "scan-" (sequence) } { h2 { (title) } (all) } "\n" }
 }
 
 impl<'a> Drawn<'a> {
-    fn new(recording: &'a Recording, scan: Scan) -> Self {
+    fn new(recording: &'a Recording, album: &'a mut Album, scan: Scan) -> Self {
         let (codec, rig) = (recording.codec(), &recording.metadata().rig);
         let matches = Topic::of(rig, Kind::Matches);
         let matches: Vec<_> = matches
@@ -103,6 +103,7 @@ impl<'a> Drawn<'a> {
         let span = Span::of(matched.chain(pictured).chain(placed)).map(Span::rounded);
         Self {
             recording,
+            album,
             sheet: Sheet::of(size),
             camera: rig.calibration(size),
             scan,
@@ -131,50 +132,44 @@ impl<'a> Drawn<'a> {
     }
 
     /// When it was taken, and how much there is of it.
-    fn facts(&self, out: &mut String) -> fmt::Result {
+    fn facts(&self) -> Markup {
         let Size { width, height } = self.sheet.full;
-        write!(
-            out,
-            "<p>{}; {width} × {height} px",
-            escape(date(self.scan.nanos))
-        )?;
         let statistics = self.scan.message("statistics");
         let statistics =
             statistics.and_then(|json| serde_json::from_slice::<Statistics>(json).ok());
-        if let Some(of_scan) = statistics {
-            // What was not recorded was not counted.
-            let counts = [
-                (of_scan.edges, "zero-crossings"),
-                (of_scan.curves, "curves"),
-                (of_scan.matches, "matched"),
-                (of_scan.points, "points in space"),
-            ];
-            for (number, name) in counts.into_iter().filter(|(number, _)| *number > 0) {
-                write!(out, "; {} {name}", count(number))?;
+        html! {
+            p {
+                (date(self.scan.nanos)) "; " (width) " × " (height) " px"
+                @if let Some(of_scan) = statistics {
+                    // What was not recorded was not counted.
+                    @let counts = [
+                        (of_scan.edges, "zero-crossings"),
+                        (of_scan.curves, "curves"),
+                        (of_scan.matches, "matched"),
+                        (of_scan.points, "points in space"),
+                    ];
+                    @for (number, name) in counts.into_iter().filter(|(number, _)| *number > 0) {
+                        "; " (count(number)) " " (name)
+                    }
+                    "; disparity known at " (format_args!("{:.1} %", of_scan.known * 100.0)) " of all pixels"
+                }
+                "."
             }
-            let known = of_scan.known * 100.0;
-            write!(out, "; disparity known at {known:.1} % of all pixels")?;
+            @if self.sheet.step > 1 {
+                p { "Figures are drawn at 1:" (self.sheet.step) ", so that the page stays small." }
+            }
         }
-        out.push_str(".</p>");
-        if self.sheet.step > 1 {
-            let step = self.sheet.step;
-            write!(
-                out,
-                "<p>Figures are drawn at 1:{step}, so that the page stays small.</p>"
-            )?;
-        }
-        Ok(())
     }
 
     /// What the cameras saw.
-    fn views(&self, out: &mut String) -> Result<(), Fault> {
-        out.push_str("<h3>Views</h3><div class=\"grid three\">");
+    fn views(&mut self) -> Result<Markup, Fault> {
         let rig = &self.recording.metadata().rig;
+        let mut figures = Vec::new();
         for (view, topic) in Topic::of(rig, Kind::Image).iter().enumerate() {
             let image: Owned<Image> = match self.decode(topic) {
                 Ok(image) => image,
                 Err(error) => {
-                    missing(out, error)?;
+                    figures.push(missing(error));
                     continue;
                 }
             };
@@ -185,61 +180,49 @@ impl<'a> Drawn<'a> {
                 true => ", the reference, to which figures and points belong",
                 false => "",
             };
-            picture(
-                out,
-                &sheet.original(image.view().pixels)?,
-                sheet.size(),
-                &Shown {
-                    class: class(sheet, false),
-                    alt: &format!("Original, view {name}"),
-                    caption: &format!("<b>Original</b>, view {}{told}", escape(name)),
-                },
-            )?;
+            let shown = Shown {
+                class: class(sheet, Look::Photograph),
+                alt: &format!("Original, view {name}"),
+                caption: html! { b { "Original" } ", view " (name) (told) },
+            };
+            let png = sheet.original(image.view().pixels)?;
+            figures.push(self.album.picture(&png, sheet.size(), shown));
         }
-        out.push_str("</div>\n");
-        Ok(())
+        Ok(group("Views", &figures))
     }
 
-    /// The four figures of a channel and its matches; gives the lengths of its curves.
-    fn channel(&self, out: &mut String, channel: usize, variance: f32) -> Result<Vec<f64>, Fault> {
-        let (sheet, view) = (self.sheet, self.reference());
+    /// The four figures of a channel and its matches; and the lengths of its curves.
+    fn channel(&mut self, channel: usize, variance: f32) -> Result<(Markup, Vec<f64>), Fault> {
+        let (sheet, view) = (self.sheet, self.reference().to_owned());
         let of_channel = format!("view {view}, channel σ² = {variance}");
-        writeln!(
-            out,
-            "<h3>Channel σ² = {variance}, view {}</h3><div class=\"grid\">",
-            escape(view)
-        )?;
+        let mut figures = Vec::new();
         let edges = self.of_reference(Kind::Edges, channel);
         match edges.map(|topic| self.decode::<Edges>(&topic)) {
             Some(Ok(edges)) => {
                 let edges = edges.view().edges;
-                let number = counted(edges.len() as u64, "zero-crossing", "zero-crossings");
-                picture(
-                    out,
-                    &sheet.zero_crossings(edges)?,
-                    sheet.size(),
-                    &Shown {
-                        class: class(sheet, true),
-                        alt: &format!("Zero-crossings, {of_channel}: {number}"),
-                        caption: &format!(
-                            "<b>Zero-crossings</b> of ∇²G: {}",
-                            count(edges.len() as u64)
-                        ),
+                let number = edges.len() as u64;
+                let shown = Shown {
+                    class: class(sheet, Look::Ink),
+                    alt: &format!(
+                        "Zero-crossings, {of_channel}: {}",
+                        counted(number, "zero-crossing", "zero-crossings")
+                    ),
+                    caption: html! { b { "Zero-crossings" } " of ∇²G: " (count(number)) },
+                };
+                let png = sheet.zero_crossings(edges)?;
+                figures.push(self.album.picture(&png, sheet.size(), shown));
+                let shown = Shown {
+                    class: class(sheet, Look::Sparse),
+                    alt: &format!("Orientation of each zero-crossing as a hue, {of_channel}"),
+                    caption: html! {
+                        span.wheel {} b { "Orientation" }
+                        " of the gradient: a hue points from dark to bright as it does on the wheel"
                     },
-                )?;
-                picture(
-                    out,
-                    &sheet.orientation(edges)?,
-                    sheet.size(),
-                    &Shown {
-                        class: class(sheet, false),
-                        alt: &format!("Orientation of each zero-crossing as a hue, {of_channel}"),
-                        caption: "<span class=\"wheel\"></span><b>Orientation</b> of the gradient: a hue points from dark to \
-                                  bright as it does on the wheel",
-                    },
-                )?;
+                };
+                let png = sheet.orientation(edges)?;
+                figures.push(self.album.picture(&png, sheet.size(), shown));
             }
-            Some(Err(error)) => missing(out, error)?,
+            Some(Err(error)) => figures.push(missing(error)),
             None => {}
         }
         let mut lengths = Vec::new();
@@ -249,91 +232,53 @@ impl<'a> Drawn<'a> {
                 let view: CurvesView<'_> = curves.view();
                 lengths.extend(view.curves.iter().map(|curve| f64::from(curve.length)));
                 let number = counted(view.curves.len() as u64, "curve", "curves");
-                picture(
-                    out,
-                    &sheet.segments(view)?,
-                    sheet.size(),
-                    &Shown {
-                        class: class(sheet, false),
-                        alt: &format!(
-                            "Curve segments with centroids crossed, {of_channel}: {number}"
-                        ),
-                        caption: &format!("<b>Curve segments</b>: {number}, centroids crossed"),
-                    },
-                )?;
+                let shown = Shown {
+                    class: class(sheet, Look::Sparse),
+                    alt: &format!("Curve segments with centroids crossed, {of_channel}: {number}"),
+                    caption: html! { b { "Curve segments" } ": " (number) ", centroids crossed" },
+                };
+                let png = sheet.segments(view)?;
+                figures.push(self.album.picture(&png, sheet.size(), shown));
             }
-            Some(Err(error)) => missing(out, error)?,
+            Some(Err(error)) => figures.push(missing(error)),
             None => {}
         }
+        let mut list = html! {};
         match self.matches.get(channel) {
             Some(Ok(matches)) => {
                 let found = matches.view();
                 let number = counted(found.matches.len() as u64, "match", "matches");
                 let points = counted(found.points.len() as u64, "point", "points");
-                let mut caption =
-                    format!("<b>Disparity</b> along the matched curves: {number}, {points}");
-                self.legend(&mut caption)?;
-                picture(
-                    out,
-                    &sheet.match_disparities(found.points, self.span)?,
-                    sheet.size(),
-                    &Shown {
-                        class: class(sheet, false),
-                        alt: &format!(
-                            "Disparity along the matched curves, {of_channel}: {number}, {points}"
-                        ),
-                        caption: &caption,
+                let shown = Shown {
+                    class: class(sheet, Look::Sparse),
+                    alt: &format!(
+                        "Disparity along the matched curves, {of_channel}: {number}, {points}"
+                    ),
+                    caption: html! {
+                        b { "Disparity" } " along the matched curves: " (number) ", " (points)
+                        (self.legend())
                     },
-                )?;
-                out.push_str("</div>\n");
-                self.list(out, found.matches)?;
+                };
+                let png = sheet.match_disparities(found.points, self.span)?;
+                figures.push(self.album.picture(&png, sheet.size(), shown));
+                list = self.list(found.matches);
             }
-            Some(Err(error)) => {
-                missing(out, error)?;
-                out.push_str("</div>\n");
-            }
-            None => out.push_str("</div>\n"),
+            Some(Err(error)) => figures.push(missing(error)),
+            None => {}
         }
-        Ok(lengths)
+        let title = format!("Channel σ² = {variance}, view {view}");
+        Ok((html! { (group(&title, &figures)) (list) }, lengths))
     }
 
     /// What the colours of disparities mean, in pixels and in depth.
-    fn legend(&self, out: &mut String) -> fmt::Result {
-        let Some(span) = self.span else { return Ok(()) };
-        let (least, most) = span.ends();
-        let middle = (least + most) / 2.0;
-        out.push_str("<span class=\"ramp\"></span><span class=\"scale\">");
-        for disparity in [least, middle, most] {
-            write!(out, "<span>{} px</span>", brief(f64::from(disparity)))?;
-        }
-        out.push_str("</span><span class=\"scale\">");
-        for disparity in [least, middle, most] {
-            write!(out, "<span>{}</span>", self.depth(disparity))?;
-        }
-        out.write_str("</span>")
-    }
-
-    /// The depth of a disparity in words.
-    fn depth(&self, disparity: f32) -> String {
-        let depth = self.camera.depth_m(f64::from(disparity));
-        match depth.is_finite() && depth > 0.0 {
-            true => format!("{} {}", brief(depth), self.unit()),
-            false => "∞".to_owned(),
-        }
-    }
-
-    /// What depths are measured in: without a calibration nobody knows.
-    fn unit(&self) -> &'static str {
-        match self.camera.calibrated {
-            true => "m",
-            false => "units",
-        }
+    fn legend(&self) -> Markup {
+        html! { @if let Some(span) = self.span { (legend::disparities(span, &self.camera)) } }
     }
 
     /// The longest matches.
-    fn list(&self, out: &mut String, matches: &[Match]) -> fmt::Result {
+    fn list(&self, matches: &[Match]) -> Markup {
         if matches.is_empty() {
-            return Ok(());
+            return html! {};
         }
         let mut longest: Vec<&Match> = matches.iter().collect();
         longest.sort_by_key(|found| (std::cmp::Reverse(found.count), found.curves));
@@ -343,127 +288,140 @@ impl<'a> Drawn<'a> {
             0 => "all, the longest first".to_owned(),
             _ => format!("the longest {MOST_LISTED}, and {} more", count(more)),
         };
-        write!(
-            out,
-            "<details><summary>{} <span>{listed}</span></summary><div class=\"wide\"><table><thead><tr>",
-            counted(matches.len() as u64, "match", "matches")
-        )?;
-        let (rig, reference) = (
-            &self.recording.metadata().rig,
-            self.recording.codec().reference(),
-        );
-        for view in rig.named(reference) {
+        let rig = &self.recording.metadata().rig;
+        let named = rig.named(self.recording.codec().reference());
+        let curves = named.map(|view| {
             let name = rig.views.get(view).map_or("", |view| view.name.as_str());
-            write!(out, "<th class=\"n\">curve {}</th>", escape(name))?;
-        }
-        writeln!(
-            out,
-            "<th class=\"n\">points</th><th class=\"n\">score</th><th class=\"n\">residual, px</th>\
-             <th class=\"n\">mean disparity, px</th><th class=\"n\">depth</th><th class=\"n\">support</th></tr></thead><tbody>"
-        )?;
-        for found in longest {
-            out.push_str("<tr>");
-            for label in found.curves {
-                match label {
-                    NONE => out.push_str("<td class=\"n\">–</td>"),
-                    label => write!(out, "<td class=\"n\">{label}</td>")?,
+            format!("curve {name}")
+        });
+        let columns: Vec<(&str, bool)> = curves
+            .iter()
+            .map(String::as_str)
+            .chain([
+                "points",
+                "score",
+                "residual, px",
+                "mean disparity, px",
+                "depth",
+                "support",
+            ])
+            .map(|name| (name, true))
+            .collect();
+        let rows = html! {
+            @for found in longest {
+                tr {
+                    @for label in found.curves {
+                        td.n { @if label == NONE { "–" } @else { (label) } }
+                    }
+                    td.n { (count(found.count.into())) }
+                    td.n { (format_args!("{:.2}", found.score)) }
+                    td.n { (format_args!("{:.2}", found.residual)) }
+                    td.n { (format_args!("{:.2}", found.disparity)) }
+                    td.n { (legend::depth(found.disparity, &self.camera)) }
+                    td.n { (format_args!("{:.2}", found.support)) }
                 }
+                "\n"
             }
-            writeln!(
-                out,
-                "<td class=\"n\">{}</td><td class=\"n\">{:.2}</td><td class=\"n\">{:.2}</td><td class=\"n\">{:.2}</td>\
-                 <td class=\"n\">{}</td><td class=\"n\">{:.2}</td></tr>",
-                found.count,
-                found.score,
-                found.residual,
-                found.disparity,
-                self.depth(found.disparity),
-                found.support
-            )?;
+        };
+        html! {
+            details {
+                summary { (counted(matches.len() as u64, "match", "matches")) " " span { (listed) } }
+                (table(&columns, &rows))
+            }
         }
-        out.push_str("</tbody></table>");
-        if more > 0 {
-            write!(out, "<p class=\"meaning\">and {} more</p>", count(more))?;
-        }
-        out.write_str("</div></details>\n")
     }
 
-    /// The final disparity picture, and the points from three sides.
-    fn space(&self, out: &mut String) -> Result<(), Fault> {
-        out.push_str("<h3>Depth</h3><div class=\"grid two\">");
+    /// What came of it: the disparity picture, how far its points are from the truth, and how sure they are.
+    fn results(&mut self) -> Result<Markup, Fault> {
+        let mut figures = Vec::new();
         match &self.picture {
             Ok(found) => {
                 let sheet = Sheet::of(found.header.size());
-                let mut caption =
-                    "<b>Disparity picture</b>: the channels together, unknown black".to_owned();
-                self.legend(&mut caption)?;
-                picture(
-                    out,
-                    &sheet.disparity_picture(found.view().disparity, self.span)?,
-                    sheet.size(),
-                    &Shown {
-                        class: class(sheet, false),
-                        alt: &format!("Disparity picture, view {}", self.reference()),
-                        caption: &caption,
+                let shown = Shown {
+                    class: class(sheet, Look::Sparse),
+                    alt: &format!("Disparity picture, view {}", self.reference()),
+                    caption: html! {
+                        b { "Disparity picture" } ": the channels together, unknown black"
+                        (self.legend())
                     },
-                )?;
+                };
+                let png = sheet.disparity_picture(found.view().disparity, self.span)?;
+                figures.push(self.album.picture(&png, sheet.size(), shown));
             }
-            Err(error) => missing(out, error)?,
+            Err(error) => figures.push(missing(error)),
         }
-        let points = match &self.points {
-            Ok(points) => points.view().points,
-            Err(error) => {
-                missing(out, error)?;
-                out.push_str("</div>\n");
-                return Ok(());
+        let Ok(points) = &self.points else {
+            return Ok(group("Disparity, error and confidence", &figures));
+        };
+        let (points, sheet) = (points.view(), Sheet::of(points.header.size()));
+        let seen = Seen {
+            points: Some(points),
+            ..Seen::default()
+        };
+        let truth = Topic::of(&self.recording.metadata().rig, Kind::Truth).pop();
+        // Only some sources know a truth.
+        let truth = truth.filter(|topic| self.recording.channels().contains_key(&*topic.name));
+        match truth.map(|topic| self.decode::<Truth>(&topic)) {
+            Some(Ok(truth)) => {
+                let seen = Seen {
+                    truth: Some(truth.view().disparity),
+                    ..seen
+                };
+                let shown = Shown {
+                    class: class(sheet, Look::Sparse),
+                    alt: &format!("Error of each point, view {}", self.reference()),
+                    caption: html! {
+                        b { "Error" } " of each point: how far its disparity is from the truth, gray where that is not known"
+                        (legend::of(Pictured::Error))
+                    },
+                };
+                let png = sheet.painted(Pictured::Error, &seen)?;
+                figures.push(self.album.picture(&png, sheet.size(), shown));
             }
-        };
-        let Some(span) = self.span else {
-            missing(out, "There are no points in space")?;
-            out.push_str("</div>\n");
-            return Ok(());
-        };
-        let eyes = [
-            (
-                "from above on the left",
-                "in perspective",
-                Eye::above_left(),
-            ),
-            (
-                "from the right",
-                "true to scale; the camera is on the left and looks right",
-                Eye::side(),
-            ),
-            (
-                "from above",
-                "true to scale; the camera is below and looks up",
-                Eye::above(),
-            ),
-        ];
-        space::views(out, points, span, self.unit(), &eyes)?;
-        out.push_str("</div>\n");
-        let frame = format!(
-            "x to the right, y down, z forward from the camera of view {}",
-            escape(self.reference())
-        );
-        match self.camera.calibrated {
-            true => write!(out, "<p>In metres: {frame}.</p>")?,
-            false => write!(
-                out,
-                "<p>The cameras are not calibrated, so that units are metres up to one unknown factor: {frame}.</p>"
-            )?,
+            Some(Err(error)) => figures.push(missing(error)),
+            None => {}
         }
-        Ok(())
+        let shown = Shown {
+            class: class(sheet, Look::Sparse),
+            alt: &format!("Confidence of each point, view {}", self.reference()),
+            caption: html! {
+                b { "Confidence" } " of each point: the chance, by its score, that it is off by over a pixel"
+                (legend::of(Pictured::Confidence))
+            },
+        };
+        let png = sheet.painted(Pictured::Confidence, &seen)?;
+        figures.push(self.album.picture(&png, sheet.size(), shown));
+        Ok(group("Disparity, error and confidence", &figures))
     }
 
-    /// How disparities, scores, lengths and residuals are spread.
-    fn distributions(
-        &self,
-        out: &mut String,
-        channels: &[f32],
-        lengths: Vec<Vec<f64>>,
-    ) -> fmt::Result {
-        out.push_str("<h3>Distributions</h3><div class=\"grid\">");
+    /// The points from three sides.
+    fn space(&mut self) -> Result<Markup, Fault> {
+        let legend = self.legend();
+        let points = match (&self.points, self.span) {
+            (Ok(points), Some(span)) => {
+                let (points, unit) = (points.view().points, legend::unit(&self.camera));
+                space::views(self.album, points, span, unit, &legend, &eyes())?
+            }
+            (Ok(_), None) => missing("There are no points in space"),
+            (Err(error), _) => missing(error),
+        };
+        let axes = format!(
+            "x to the right, y down, z forward from the camera of view {}.",
+            self.reference()
+        );
+        Ok(html! {
+            h3 { "Points in space" }
+            p {
+                @if self.camera.calibrated { "In metres: " }
+                @else { "The cameras are not calibrated, so that units are metres up to one unknown factor: " }
+                (axes)
+            }
+            (points)
+        })
+    }
+
+    /// How disparities, scores, depths, lengths and residuals are spread.
+    fn distributions(&self, channels: &[f32], lengths: Vec<Vec<f64>>) -> Markup {
         let name = |channel: usize| format!("σ² {}", channels[channel]);
         let of_matches = |of: &dyn Fn(&Owned<Matches>) -> Vec<f64>| -> Vec<Series> {
             let readable = self.matches.iter().enumerate();
@@ -482,18 +440,6 @@ impl<'a> Drawn<'a> {
                 values.map(f64::from).collect()
             })
         };
-        histogram(
-            out,
-            "Disparity of matched points",
-            "px",
-            &points(|point| point.disparity),
-        )?;
-        histogram(
-            out,
-            "Score of matched points",
-            "",
-            &points(|point| point.score),
-        )?;
         let lengths = lengths.into_iter().enumerate();
         let lengths: Vec<Series> = lengths
             .map(|(channel, values)| Series {
@@ -501,12 +447,66 @@ impl<'a> Drawn<'a> {
                 values,
             })
             .collect();
-        histogram(out, "Length of curves", "px", &lengths)?;
         let residuals = of_matches(&|matches| {
             let found = matches.view().matches.iter();
             found.map(|found| f64::from(found.residual)).collect()
         });
-        histogram(out, "Residual of matches", "px", &residuals)?;
-        out.write_str("</div>\n")
+        let placed = of_matches(&|matches| {
+            let found = matches.view().matches.iter();
+            found.map(|found| f64::from(found.count)).collect()
+        });
+        let in_space = self.points.iter().flat_map(|read| read.view().points);
+        let depths = Series {
+            name: "result".to_owned(),
+            values: in_space.map(|point| f64::from(point.z)).collect(),
+        };
+        let px = |name| Quantity::of(name, "px");
+        let depth = Quantity::of("depth", legend::unit(&self.camera));
+        let score = Quantity {
+            name: "score",
+            unit: Unit::Share,
+        };
+        let (disparities, scores) = (points(|point| point.disparity), points(|point| point.score));
+        let number = Quantity::counted("points");
+        html! {
+            h3 { "Distributions" }
+            div.plots {
+                (histogram("Disparity of matched points", px("disparity"), "points", &disparities))
+                (histogram("Depth of points in space", depth, "points", &[depths]))
+                (histogram("Score of matched points", score, "points", &scores))
+                (histogram("Length of curves", px("length"), "curves", &lengths))
+                (histogram("Points of a match", number, "matches", &placed))
+                (histogram("Residual of matches", px("residual"), "matches", &residuals))
+            }
+        }
+    }
+}
+
+/// From where the points of a scan are seen.
+fn eyes() -> [(&'static str, &'static str, Eye); 3] {
+    [
+        (
+            "from above on the left",
+            "in perspective",
+            Eye::above_left(),
+        ),
+        (
+            "from the right",
+            "true to scale; the camera is on the left and looks right",
+            Eye::side(),
+        ),
+        (
+            "from above",
+            "true to scale; the camera is below and looks up",
+            Eye::above(),
+        ),
+    ]
+}
+
+/// Pictures that belong together.
+fn group(title: &str, figures: &[Markup]) -> Markup {
+    html! {
+        h3 { (title) }
+        div.pictures { @for figure in figures { (figure) } }
     }
 }

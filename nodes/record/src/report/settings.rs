@@ -1,13 +1,13 @@
 //! All settings of a recording, and which of them are not what they would be by themselves.
 
 use std::collections::BTreeMap;
-use std::fmt::{self, Write};
 
+use maud::{Markup, html};
 use messages::change::{Change, shown};
 use serde_json::{Map, Value};
 
-use super::page::{count, counted, escape};
-use super::place_in_pipe;
+use super::page::{count, counted, missing, table};
+use super::run::place_in_pipe;
 
 /// What the program knows of settings; a recording holds only their values.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,6 +29,9 @@ const SAID_ELSEWHERE: [(&str, &str); 7] = [
     ("record", "overwrite"),
 ];
 
+/// The profile that a run has when it asks for none.
+const DEFAULT: &str = "default";
+
 /// One setting.
 struct Setting<'a> {
     node: &'a str,
@@ -45,6 +48,17 @@ impl Setting<'_> {
 
     fn is_said_elsewhere(&self) -> bool {
         SAID_ELSEWHERE.contains(&(self.node, self.key))
+    }
+
+    /// What it is in these settings of all nodes.
+    fn within<'b>(&self, nodes: &'b Value) -> Option<&'b Value> {
+        nodes.get(self.node)?.get(self.key)
+    }
+
+    /// What it means, when that is known.
+    fn meaning<'b>(&self, known: &'b Known) -> &'b str {
+        let key = (self.node.to_owned(), self.key.to_owned());
+        known.meanings.get(&key).map_or("", |about| about.trim())
     }
 }
 
@@ -84,96 +98,151 @@ impl<'a> Compared<'a> {
         })
     }
 
-    /// What was set otherwise than the profile has it.
-    pub(super) fn head(&self, out: &mut String) -> fmt::Result {
-        let Some(profile) = self.profile else {
-            return Ok(());
-        };
+    /// What was set, by hand or by the profile.
+    fn others(&self) -> Vec<&Setting<'a>> {
         let settings = self.settings.iter();
-        let others: Vec<_> = settings
-            .filter(|setting| setting.is_other() && !setting.is_said_elsewhere())
-            .collect();
-        write!(out, "<h4>Settings: profile {}", escape(profile))?;
-        match others.is_empty() {
-            true => out.write_str(", nothing set otherwise</h4>"),
-            false => {
-                out.push_str(", but for</h4><ul class=\"chips\">");
-                for Setting {
-                    node, key, value, ..
-                } in others
-                {
-                    write!(
-                        out,
-                        "<li>{}.{} = {}</li>",
-                        escape(node),
-                        escape(key),
-                        escape(value)
-                    )?;
-                }
-                out.write_str("</ul>")
+        let others = settings.filter(|setting| setting.is_other() && !setting.is_said_elsewhere());
+        others.collect()
+    }
+
+    /// What was set: what differs from the profile with what it would be, what was changed meanwhile, and the rest folded.
+    pub(super) fn section(&self, meanwhile: &[Change], graph: &str, known: &'a Known) -> Markup {
+        let defaults = known.profiles.iter().find(|(name, _)| name == DEFAULT);
+        let defaults = defaults.map(|(_, nodes)| nodes);
+        let others = self.others();
+        // A profile's own settings were not set by hand, but they are not the default either.
+        let of_profile: Vec<&Setting<'a>> = match self.profile {
+            None | Some(DEFAULT) => Vec::new(),
+            Some(_) => {
+                let own = self.settings.iter().filter(|own| !own.is_other());
+                let is_other = |own: &&Setting<'a>| {
+                    let usual = defaults.and_then(|nodes| own.within(nodes));
+                    usual.is_some_and(|usual| !is_equal(usual, own.value))
+                };
+                own.filter(is_other).collect()
             }
+        };
+        html! {
+            section #settings {
+                h2 { "What was set" }
+                @match self.profile {
+                    Some(profile) => {
+                        p {
+                            "Made with the profile " (profile)
+                            @match others.len() as u64 {
+                                0 => { ", nothing set otherwise." }
+                                number => { ", but for " (counted(number, "setting", "settings")) ":" }
+                            }
+                        }
+                        @if !others.is_empty() { (beside(&others, profile, defaults, known)) }
+                        @if !of_profile.is_empty() {
+                            details {
+                                summary {
+                                    (counted(of_profile.len() as u64, "setting", "settings"))
+                                    " " span { "that the profile " (profile) " has otherwise than the default" }
+                                }
+                                (beside(&of_profile, profile, defaults, known))
+                            }
+                        }
+                    }
+                    None if self.settings.is_empty() => {}
+                    None => { p { "What is usual is not known here." } }
+                }
+                (changes(meanwhile))
+                (self.all(known))
+                @if !graph.trim().is_empty() {
+                    details {
+                        summary { "the whole graph " span { "as the recording holds it" } }
+                        pre tabindex="0" { (graph) }
+                    }
+                }
+            }
+            "\n"
         }
     }
 
-    /// All settings, a table a node.
-    pub(super) fn tables(&self, out: &mut String, known: &Known) -> fmt::Result {
+    /// All settings, folded, a table a node.
+    fn all(&self, known: &Known) -> Markup {
         if self.settings.is_empty() {
-            return super::page::missing(out, "The recording holds no settings");
+            return missing("The recording holds no settings");
         }
-        match self.profile {
-            Some(profile) => write!(
-                out,
-                "<p>Marked is what differs from the profile {} of this version of tricurve.</p>",
-                escape(profile)
-            )?,
-            None => out.push_str("<p>What is usual is not known here.</p>"),
-        }
-        for node in self.settings.chunk_by(|one, other| one.node == other.node) {
-            let others = node.iter().filter(|setting| setting.is_other()).count() as u64;
-            let name = node.first().map_or("", |setting| setting.node);
-            let keys = counted(node.len() as u64, "key", "keys");
-            let told = match others {
-                0 => String::new(),
-                _ => format!(", {others} set otherwise"),
-            };
-            write!(
-                out,
-                "<details><summary>{} <span>{keys}{told}</span></summary><div class=\"wide\"><table>\
-                 <thead><tr><th>key</th><th>value</th><th>usual</th><th>meaning</th></tr></thead><tbody>",
-                escape(name)
-            )?;
-            for setting in node {
-                let Setting {
-                    node,
-                    key,
-                    value,
-                    usual,
-                } = setting;
-                let class = if setting.is_other() {
-                    " class=\"other\""
-                } else {
-                    ""
-                };
-                let usual = match usual {
-                    Some(usual) if setting.is_other() => usual.to_string(),
-                    Some(_) => "same".to_owned(),
-                    None => "not known".to_owned(),
-                };
-                let meaning = known.meanings.get(&((*node).to_owned(), (*key).to_owned()));
-                writeln!(
-                    out,
-                    "<tr{class}><td class=\"mono\">{}</td><td class=\"mono\">{}</td><td class=\"mono\">{}</td>\
-                     <td class=\"meaning\">{}</td></tr>",
-                    escape(key),
-                    escape(value),
-                    escape(usual),
-                    escape(meaning.map_or("", |meaning| meaning.trim()))
-                )?;
+        let columns = [
+            ("setting", false),
+            ("value", false),
+            ("usual", false),
+            ("meaning", false),
+        ];
+        let rows = |node: &[Setting<'_>]| {
+            html! {
+                @for setting in node {
+                    tr.other[setting.is_other()] {
+                        td.mono { (setting.key) }
+                        td.mono { (shown(setting.value)) }
+                        td.mono {
+                            @match setting.usual {
+                                Some(usual) if setting.is_other() => { (shown(usual)) }
+                                Some(_) => { "same" }
+                                None => { "not known" }
+                            }
+                        }
+                        td.meaning { (setting.meaning(known)) }
+                    }
+                    "\n"
+                }
             }
-            out.push_str("</tbody></table></div></details>");
+        };
+        html! {
+            details {
+                summary {
+                    "all " (counted(self.settings.len() as u64, "setting", "settings"))
+                    " " span { "node by node" }
+                }
+                @for node in self.settings.chunk_by(|one, other| one.node == other.node) {
+                    @let others = node.iter().filter(|setting| setting.is_other()).count();
+                    details {
+                        summary {
+                            (node.first().map_or("", |setting| setting.node)) " "
+                            span {
+                                (counted(node.len() as u64, "setting", "settings"))
+                                @if others > 0 { ", " (others) " set otherwise" }
+                            }
+                        }
+                        (table(&columns, &rows(node)))
+                    }
+                }
+            }
         }
-        Ok(())
     }
+}
+
+/// Settings that are not what they would be by themselves, beside what they would be.
+fn beside(
+    settings: &[&Setting<'_>],
+    profile: &str,
+    defaults: Option<&Value>,
+    known: &Known,
+) -> Markup {
+    let in_profile = format!("profile {profile}");
+    let mut columns = vec![("setting", false), ("value", false)];
+    if profile != DEFAULT {
+        columns.push((&in_profile, false));
+    }
+    columns.extend([("default", false), ("meaning", false)]);
+    let rows = html! {
+        @for setting in settings {
+            tr {
+                td.mono { (setting.node) "." (setting.key) }
+                td.mono { b { (shown(setting.value)) } }
+                @if profile != DEFAULT { td.mono { (setting.usual.map_or_else(String::new, shown)) } }
+                td.mono {
+                    (defaults.and_then(|nodes| setting.within(nodes)).map_or_else(String::new, shown))
+                }
+                td.meaning { (setting.meaning(known)) }
+            }
+            "\n"
+        }
+    };
+    table(&columns, &rows)
 }
 
 /// The settings of a recording in lines of text: which of them differ from the profile that they are nearest to, or all.
@@ -189,8 +258,7 @@ pub fn settings_in_lines(configuration: &Value, known: &Known, all: bool) -> Vec
     let Some(profile) = compared.profile.filter(|_| !all) else {
         return settings.map(line).collect();
     };
-    let others = settings.filter(|setting| setting.is_other() && !setting.is_said_elsewhere());
-    let others: Vec<_> = others.map(line).collect();
+    let others: Vec<_> = compared.others().into_iter().map(line).collect();
     let but_for = match others.is_empty() {
         true => ", nothing set otherwise",
         false => ", but for",
@@ -200,40 +268,47 @@ pub fn settings_in_lines(configuration: &Value, known: &Known, all: bool) -> Vec
 }
 
 /// How many settings were changed while it was recorded, in a line.
-pub(super) fn changed(out: &mut String, changes: &[Change]) -> fmt::Result {
+pub(super) fn changed(changes: &[Change]) -> Markup {
     let times = match changes.len() {
-        0 => return Ok(()),
+        0 => return html! {},
         1 => "once".to_owned(),
         times => format!("{} times", count(times as u64)),
     };
-    write!(
-        out,
-        "<p>Settings were changed {times} while it was recorded: <a href=\"#settings\">which, and from which scan on</a>.</p>"
-    )
+    html! {
+        p {
+            "Settings were changed " (times) " while it was recorded: "
+            a href="#settings" { "which, and from which scan on" } "."
+        }
+    }
 }
 
 /// The settings that were changed while it was recorded.
-pub(super) fn changes(out: &mut String, changes: &[Change]) -> fmt::Result {
+fn changes(changes: &[Change]) -> Markup {
     if changes.is_empty() {
-        return Ok(());
+        return html! {};
     }
-    out.push_str(
-        "<h3>Changed while it was recorded</h3><div class=\"wide\"><table><thead><tr><th class=\"n\">from scan</th>\
-         <th>key</th><th>value</th><th>before</th></tr></thead><tbody>",
-    );
-    for change in changes {
-        writeln!(
-            out,
-            "<tr><td class=\"n\">{}</td><td class=\"mono\">{}.{}</td><td class=\"mono\">{}</td>\
-             <td class=\"mono\">{}</td></tr>",
-            change.from,
-            escape(&change.node),
-            escape(&change.key),
-            escape(shown(&change.value)),
-            escape(shown(&change.was))
-        )?;
+    let columns = [
+        ("from scan", true),
+        ("setting", false),
+        ("value", false),
+        ("before", false),
+    ];
+    let rows = html! {
+        @for change in changes {
+            tr {
+                td.n { (count(change.from)) }
+                td.mono { (change.node) "." (change.key) }
+                td.mono { b { (shown(&change.value)) } }
+                td.mono { (shown(&change.was)) }
+            }
+            "\n"
+        }
+    };
+    html! {
+        h3 { "Changed while it was recorded" }
+        (table(&columns, &rows))
+        h3 { "As they were when it began" }
     }
-    out.write_str("</tbody></table></div><h3>As they were when it began</h3>")
 }
 
 /// Whether two values are the same setting: 1 is 1.0, and what is not given is null.
@@ -284,16 +359,23 @@ mod tests {
             json!({"track": {"low": 32, "high": 50.0, "points": 32}, "new": {"<x>": "&"}});
         let compared = Compared::new(&configuration, &known);
         assert_eq!(compared.profile, Some("thesis"));
-        let (mut head, mut tables) = (String::new(), String::new());
-        compared.head(&mut head).unwrap_or_default();
-        compared.tables(&mut tables, &known).unwrap_or_default();
-        assert!(head.contains("profile thesis, but for"), "{head}");
-        assert!(head.contains("<li>track.high = 50.0</li>"), "{head}");
-        assert_eq!(head.matches("<li>").count(), 1);
-        assert_eq!(tables.matches("<tr class=\"other\">").count(), 1);
+        let section = compared.section(&[], "", &known).into_string();
+        let (first, rest) = section.split_once("<details>").unwrap_or_default();
         assert!(
-            tables.contains("a &lt;low&gt; one") && tables.contains("&lt;x&gt;"),
-            "{tables}"
+            first.contains("profile thesis, but for 1 setting:"),
+            "{first}"
+        );
+        // Value, what the profile has, and the default stand beside each other.
+        let cells: String = ["<b>50.0</b>", "64.0", "automatic"]
+            .map(|cell| format!("<td class=\"mono\">{cell}</td>"))
+            .concat();
+        assert!(first.contains(&cells), "{first}");
+        assert_eq!(first.matches("<tr>").count(), 2, "its head and one row");
+        assert!(rest.starts_with("<summary>2 settings "), "{rest}");
+        assert_eq!(rest.matches("<tr class=\"other\">").count(), 1);
+        assert!(
+            rest.contains("a &lt;low&gt; one") && rest.contains("&lt;x&gt;"),
+            "{rest}"
         );
     }
 }

@@ -4,15 +4,14 @@
 //! points in metres ─► Eye turns them ─► Stage fits their box on the canvas ─► PNG of dots, SVG of the box
 //! ```
 
-use std::fmt::{self, Write};
-
+use maud::{Markup, html};
 use messages::record::Span;
 use messages::{Point, Size};
 use png::EncodingError;
 
 use super::Fault;
 use super::figures::{shade, shades};
-use super::page::{count, data_uri, escape, missing};
+use super::page::{Album, At, Png, count, missing};
 use super::plot::{decimals, ticks};
 use crate::compact::{Pixels, encode};
 
@@ -20,7 +19,7 @@ use crate::compact::{Pixels, encode};
 pub(super) const CANVAS: Size = Size::new(960, 720);
 
 /// Room for numbers and names beside the box, and above and below it, in pixels.
-const MARGIN: [f64; 2] = [128.0, 80.0];
+const MARGIN: [f64; 2] = [150.0, 104.0];
 
 /// A box is no thinner than this share of its longest side: there has to be room for its scale.
 const THINNEST: f64 = 0.16;
@@ -95,38 +94,33 @@ impl Eye {
     }
 }
 
-/// The points from several sides, each with its name and how it is drawn.
+/// The points from several sides, each with its name and how it is drawn; `legend` says what the colours mean.
 pub(super) fn views(
-    out: &mut String,
+    album: &mut Album,
     points: &[Point],
     span: Span,
     unit: &str,
+    legend: &Markup,
     eyes: &[(&str, &str, Eye)],
-) -> Result<(), Fault> {
+) -> Result<Markup, Fault> {
     let Some(bounds) = Bounds::of(points) else {
-        return Ok(missing(out, "There are no points in space")?);
+        return Ok(missing("There are no points in space"));
     };
+    let mut figures = Vec::new();
     for (from, how, eye) in eyes {
         let stage = Stage::new(*eye, bounds);
         let strays = stage.strays(points) as u64;
         let shown = count(points.len() as u64 - strays);
         let alt = format!("{shown} points in space {from}, coloured by disparity");
-        write!(
-            out,
-            "<figure><label class=\"zoom\"><input type=\"checkbox\" aria-label=\"enlarge: {}\">",
-            escape(&alt)
-        )?;
-        stage.draw(out, &stage.dots(points, span)?, unit, &alt)?;
-        let strays = match strays {
-            0 => String::new(),
-            _ => format!("; {} outlying points left out", count(strays)),
+        let drawn = stage.drawn(&stage.dots(points, span)?, unit, &alt);
+        let caption = html! {
+            b { "Points " (from) } ", " (how) ": " (shown)
+            @if strays > 0 { "; " (count(strays)) " outlying points left out" }
+            (legend)
         };
-        writeln!(
-            out,
-            "</label><figcaption><b>Points {from}</b>, {how}: {shown}{strays}</figcaption></figure>"
-        )?;
+        figures.push(album.enlargeable(CANVAS, &alt, &drawn, &caption));
     }
-    Ok(())
+    Ok(html! { div.spaces { @for figure in &figures { (figure) } } })
 }
 
 /// The box that holds all points but strays.
@@ -286,22 +280,16 @@ impl Stage {
     }
 
     /// The picture: the box's far walls, the dots before them, and the scale around.
-    pub(super) fn draw(&self, out: &mut String, dots: &[u8], unit: &str, alt: &str) -> fmt::Result {
+    pub(super) fn drawn(&self, dots: &[u8], unit: &str, alt: &str) -> Markup {
         let Size { width, height } = CANVAS;
-        write!(
-            out,
-            "<svg class=\"space\" viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{}\">",
-            escape(alt)
-        )?;
         let all: [Vec<f64>; 3] = std::array::from_fn(|axis| self.ticks(axis));
-        self.walls(out, &all)?;
-        write!(out, "<image width=\"{width}\" height=\"{height}\" href=\"")?;
-        data_uri(out, dots);
-        out.push_str("\"/>");
-        for (axis, ticks) in all.iter().enumerate() {
-            self.numbers(out, axis, ticks, unit)?;
+        html! {
+            svg.space viewBox={ "0 0 " (width) " " (height) } role="img" aria-label=(alt) {
+                (self.walls(&all))
+                image width=(width) height=(height) href=(Png(dots)) {}
+                @for (axis, ticks) in all.iter().enumerate() { (self.numbers(axis, ticks, unit)) }
+            }
         }
-        out.write_str("</svg>")
     }
 
     fn ticks(&self, axis: usize) -> Vec<f64> {
@@ -311,11 +299,12 @@ impl Stage {
         (ends[0][axis], ends[1][axis]) = (least, most);
         let [(a, _), (b, _)] = ends.map(|end| self.project(end));
         let room = (a[0] - b[0]).hypot(a[1] - b[1]);
-        ticks(least, most, (room / 70.0) as usize)
+        ticks(least, most, (room / 95.0) as usize)
     }
 
     /// The lines of the scale on the walls that no point can hide behind.
-    fn walls(&self, out: &mut String, all: &[Vec<f64>; 3]) -> fmt::Result {
+    fn walls(&self, all: &[Vec<f64>; 3]) -> Markup {
+        let mut lines = Vec::new();
         for wall in 0..3 {
             let towards = self.eye.forward[wall];
             if towards.abs() < 0.05 {
@@ -335,22 +324,22 @@ impl Stage {
                         end[along] = self.bounds.side(along, is_most);
                         self.project(end).0
                     };
-                    let ([x1, y1], [x2, y2]) = (end(false), end(true));
-                    write!(
-                        out,
-                        "<line class=\"rule\" x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\"/>"
-                    )?;
+                    lines.push((end(false), end(true)));
                 }
             }
         }
-        Ok(())
+        html! {
+            @for ([x1, y1], [x2, y2]) in lines {
+                line.rule x1=(At(x1)) y1=(At(y1)) x2=(At(x2)) y2=(At(y2)) {}
+            }
+        }
     }
 
     /// The numbers along one axis, at the edge of the box where they are not in the way, and the axis's name.
-    fn numbers(&self, out: &mut String, axis: usize, ticks: &[f64], unit: &str) -> fmt::Result {
+    fn numbers(&self, axis: usize, ticks: &[f64], unit: &str) -> Markup {
         // Looked at along its axis a scale is one point.
         if self.eye.forward[axis].abs() > 0.99 {
-            return Ok(());
+            return html! {};
         }
         let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
         let on_edge = |sides: (bool, bool), value: f64| {
@@ -372,7 +361,9 @@ impl Stage {
         let best = edges
             .into_iter()
             .min_by(|one, other| rank(one).total_cmp(&rank(other)));
-        let Some(edge) = best else { return Ok(()) };
+        let Some(edge) = best else {
+            return html! {};
+        };
         let (middle, _) = self.project(self.bounds.middle());
         let at = on_edge(edge, half);
         // Straight off the edge, away from the middle of the box.
@@ -388,32 +379,23 @@ impl Stage {
             x if x < -0.4 => "end",
             _ => "middle",
         };
-        let mut text = |at: [f64; 2], by: f64, class: &str, text: &str| {
-            let (x, y) = (at[0] + off[0] * by, at[1] + off[1] * by + 7.0);
-            write!(
-                out,
-                "<text class=\"{class}\" x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>",
-                escape(text)
-            )
+        let text = |at: [f64; 2], by: f64, class: Option<&str>, text: &str| {
+            let (x, y) = (at[0] + off[0] * by, at[1] + off[1] * by + 10.0);
+            html! { text class=[class] x=(At(x)) y=(At(y)) text-anchor=(anchor) { (text) } }
         };
         let places = decimals(ticks);
-        for tick in ticks {
-            text(on_edge(edge, *tick), 18.0, "", &format!("{tick:.places$}"))?;
-        }
         let name = format!("{} ({unit})", ["x", "y", "z"][axis]);
-        let by = if anchor == "middle" { 57.0 } else { 22.0 };
         // Beside upright scales the name stands between two numbers, or as far from a single one as the scale goes.
-        match anchor {
-            "middle" => text(at, by, "name", &name),
-            _ => {
-                let between = match ticks {
-                    [first, second, ..] => (first + second) / 2.0,
-                    [only] if *only < half => self.bounds.most[axis],
-                    [_] => self.bounds.least[axis],
-                    [] => half,
-                };
-                text(on_edge(edge, between), by, "name", &name)
-            }
+        let (by, between) = match (anchor, ticks) {
+            ("middle", _) => (74.0, half),
+            (_, [first, second, ..]) => (26.0, (first + second) / 2.0),
+            (_, [only]) if *only < half => (26.0, self.bounds.most[axis]),
+            (_, [_]) => (26.0, self.bounds.least[axis]),
+            (_, []) => (26.0, half),
+        };
+        html! {
+            @for tick in ticks { (text(on_edge(edge, *tick), 24.0, None, &format!("{tick:.places$}"))) }
+            (text(on_edge(edge, between), by, Some("axis"), &name))
         }
     }
 }

@@ -3,7 +3,10 @@
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
 
-use super::page::{self, Shown, count, escape, missing, picture};
+use maud::{Markup, html};
+
+use super::accuracy::Scores;
+use super::page::{self, Album, Shown, count, missing};
 use super::{Fault, ReportError, Rivals, accuracy};
 use crate::compact::compact;
 use crate::export::{ExportError, not_onto_itself, whole};
@@ -52,57 +55,67 @@ fn write(
     rivals: &mut Rivals<'_>,
     flush: &mut dyn FnMut(&mut String) -> std::io::Result<()>,
 ) -> Result<(), Fault> {
-    use std::fmt::Write as _;
+    let mut put = |part: Markup| {
+        let mut html = part.into_string();
+        page::printable(&mut html);
+        flush(&mut html)
+    };
     let info = Info::of(recording);
     let file = info.path.file_name().unwrap_or_default().to_string_lossy();
-    let mut html = String::new();
-    page::begin(&mut html, &format!("{file}: the thesis's figures"))?;
     let per_object = per_object(recording);
-    write!(
-        html,
-        "<header class=\"head\"><p class=\"eyebrow\">tricurve · the thesis's figures</p><h1>{}</h1>\
-         <p class=\"lede\">B.1 to B.{}: {} figures of each object. They are drawn from the recording; what they show is \
-         what the nodes sent each other.</p></header>\n<nav aria-label=\"sections\">",
-        escape(&file),
-        count((per_object * objects.len()) as u64),
-        per_object
-    )?;
-    for (scan, object) in objects {
-        write!(html, "<a href=\"#scan-{scan}\">{}</a>", escape(object))?;
-    }
+    let mut sections: Vec<(String, String)> = objects
+        .iter()
+        .map(|(scan, object)| (format!("scan-{scan}"), object.clone()))
+        .collect();
     if accuracy::is_there(recording) {
-        html.push_str("<a href=\"#accuracy\">Accuracy</a>");
+        sections.push(("accuracy".to_owned(), "Accuracy".to_owned()));
     }
-    html.push_str("</nav>\n");
+    put(page::begin(&format!("{file}: the thesis's figures")))?;
+    put(html! {
+        header.head {
+            p.eyebrow { "tricurve · the thesis's figures" }
+            h1 { (file) }
+            p.lede {
+                "B.1 to B." (count((per_object * objects.len()) as u64)) ": " (per_object)
+                " figures of each object. They are drawn from the recording; what they show is what the nodes sent each \
+                 other."
+            }
+        }
+        "\n"
+        (page::navigation(&sections))
+    })?;
+    let mut album = Album::default();
     for (at, object) in objects.iter().enumerate() {
         let (scan, name) = object;
-        write!(
-            html,
-            "<section id=\"scan-{scan}\"><h2>{}</h2>",
-            escape(name)
-        )?;
-        match figures(recording, object, 1 + at * per_object) {
+        let shown = match figures(recording, object, 1 + at * per_object) {
             Ok(figures) => {
+                let mut shown = Vec::new();
                 for figure in figures {
                     let title = figure.title();
                     let caption = figure.step.caption();
-                    let shown = Shown {
+                    let of = Shown {
                         class: "",
                         alt: &format!("{title}: {caption}"),
-                        caption: &format!("<b>{}</b>: {caption}.", escape(&title)),
+                        caption: html! { b { (title) } ": " (caption) "." },
                     };
                     let png = compact(&figure.picture)?;
-                    picture(&mut html, &png, figure.picture.size, &shown)?;
+                    shown.push(album.picture(&png, figure.picture.size, of));
                 }
+                shown
             }
-            Err(error) => missing(&mut html, error)?,
-        }
-        html.push_str("</section>\n");
-        flush(&mut html)?;
+            Err(error) => vec![missing(error)],
+        };
+        put(html! {
+            section id={ "scan-" (scan) } {
+                h2 { (name) }
+                div.sheets { @for figure in &shown { (figure) } }
+            }
+            "\n"
+        })?;
     }
     let scans: Vec<u64> = objects.iter().map(|(scan, _)| *scan).collect();
-    accuracy::section(&mut html, recording, &scans, &[], rivals)?;
-    page::end(&mut html)?;
-    flush(&mut html)?;
+    let none = Scores::read(recording, &[]);
+    put(accuracy::section(recording, &scans, &none, rivals))?;
+    put(page::end())?;
     Ok(())
 }
