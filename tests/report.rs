@@ -196,11 +196,8 @@ fn errors_are_shown_in_pixels_where_the_truth_is_known_and_confidence_everywhere
         })
     };
     let [error, confidence] = pictures(&page(&world, &[])).map(Option::unwrap);
-    assert!(
-        error.contains("0 px0.5 px1 px1.5 px2 px off or more"),
-        "{error}"
-    );
-    assert!(confidence.contains("10 % wrong or more"), "{confidence}");
+    assert!(error.contains("0 px0.5 px1 px1.5 px≥ 2 px"), "{error}");
+    assert!(confidence.contains("≥ 10 %"), "{confidence}");
     let without = [
         "filter",
         "x.mcap",

@@ -46,19 +46,16 @@ impl Pictured {
         }
     }
 
-    /// What a share of its colours means, 0 the first and 1 the last, in words. Of disparities their [`Span`] says it.
+    /// What a share of its colours means, 0 the first and 1 the last, which stands for all that is more. Of disparities
+    /// their [`Span`] says it.
     pub fn meaning(self, share: f32) -> impl fmt::Display {
         fmt::from_fn(move |f| match self {
             Self::Disparity => Ok(()),
-            Self::Error => {
-                let more = if share < 1.0 { "" } else { " off or more" };
-                write!(f, "{} px{more}", share * WORST_ERROR)
-            }
+            Self::Error => write!(f, "{} px", share * WORST_ERROR),
             Self::Confidence => {
                 let [least, most] = CHANCES;
                 let percent = 100.0 * least * (most / least).powf(share);
-                let more = if share < 1.0 { "" } else { " wrong or more" };
-                write!(f, "{percent:.*} %{more}", usize::from(percent < 3.0))
+                write!(f, "{percent:.*} %", usize::from(percent < 3.0))
             }
         })
     }
@@ -156,8 +153,16 @@ impl Views {
             }
             (Pictured::Disparity, None) => {}
             (Pictured::Error | Pictured::Confidence, _) => {
+                let is_of = match pictured {
+                    Pictured::Error => "off",
+                    _ => "wrong",
+                };
                 tell(colours, labels, &mut sheet, |share, text| {
-                    write!(text, "{}", pictured.meaning(share))
+                    write!(text, "{}", pictured.meaning(share))?;
+                    match share < 1.0 {
+                        true => Ok(()),
+                        false => write!(text, " {is_of} or more"),
+                    }
                 });
             }
         }

@@ -56,9 +56,9 @@ impl Scores {
             })
         };
         [
-            figure("of the edges covered", self.of(coverage), "%"),
+            figure("Edges covered", self.of(coverage), "%"),
             figure(
-                "of the points off by over 1 px",
+                "Points off by over 1 px",
                 self.of(|score| 100.0 * f64::from(score.bad_one)),
                 "%",
             ),
@@ -157,7 +157,7 @@ fn table_of_scores(recording: &Recording, evaluation: &Owned<Evaluation>) -> Mar
         ("bad 1 px, %", true),
         ("bad 2 px, %", true),
         ("rows too: bad 1 px, %", true),
-        ("bad 2 px, %", true),
+        ("rows too: bad 2 px, %", true),
         ("median, px", true),
         ("points", true),
         ("mismatches", true),

@@ -16,9 +16,12 @@ pub(super) fn disparities(span: Span, camera: &Calibration) -> Markup {
     ])
 }
 
-/// What the colours of errors or of confidence mean, as viewers are told.
+/// What the colours of errors or of confidence mean, as viewers are told; the last stands for all that is more.
 pub(super) fn of(pictured: Pictured) -> Markup {
-    ramp(&[[0.0, 0.25, 0.5, 0.75, 1.0].map(|share| pictured.meaning(share).to_string())])
+    ramp(&[[0.0, 0.25, 0.5, 0.75, 1.0].map(|share| {
+        let more = if share < 1.0 { "" } else { "≥ " };
+        format!("{more}{}", pictured.meaning(share))
+    })])
 }
 
 /// All colours in a row, and below them what some of them mean.

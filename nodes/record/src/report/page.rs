@@ -61,9 +61,7 @@ pub(super) fn end() -> Markup {
 pub(super) fn navigation(sections: &[(String, String)]) -> Markup {
     html! {
         nav aria-label="sections" {
-            @for (id, name) in sections {
-                a href={ "#" (id) } { (name) }
-            }
+            div { @for (id, name) in sections { a href={ "#" (id) } { (name) } } }
         }
     }
 }

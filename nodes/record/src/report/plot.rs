@@ -127,11 +127,12 @@ fn label(value: f64, places: usize) -> String {
 
 /// A number of a caption: three digits are enough.
 pub(super) fn brief(value: f64) -> String {
+    // As much as is rounded up to the next power of ten has a place less behind the point.
     match value.abs() {
-        large if large >= 1000.0 => whole(value),
-        large if large >= 100.0 => format!("{value:.0}"),
-        large if large >= 10.0 => format!("{value:.1}"),
-        large if large >= 1.0 || large == 0.0 => format!("{value:.2}"),
+        large if large >= 999.5 => whole(value),
+        large if large >= 99.95 => format!("{value:.0}"),
+        large if large >= 9.995 => format!("{value:.1}"),
+        large if large >= 0.9995 || large == 0.0 => format!("{value:.2}"),
         _ => format!("{value:.3}"),
     }
 }
@@ -369,14 +370,14 @@ fn strip(places: impl Iterator<Item = (f64, f64)>) -> String {
 fn of_one(title: &str, up: Quantity<'_>, series: &[Series]) -> Markup {
     let of = |one: &Series| Figure {
         name: match series.len() {
-            1 => up.name.to_owned(),
+            1 => title.to_owned(),
             _ => one.name.clone(),
         },
         value: median(&one.values).unwrap_or_default(),
         unit: up.beside().to_owned(),
     };
     let figures: Vec<Figure> = series.iter().map(of).collect();
-    html! { figure.plot { h4 { (title) } (numbers(&figures)) } }
+    html! { div.plot { (numbers(&figures)) } }
 }
 
 fn summary(values: &[f64], of: Quantity<'_>) -> String {
@@ -406,6 +407,23 @@ mod tests {
         assert_eq!(
             [0.0, 15_000.0, 2e6].map(|value| label(value, 0)),
             ["0", "15\u{202f}000", "2 M"]
+        );
+    }
+
+    #[test]
+    fn numbers_of_captions_have_three_digits_and_thousands_apart() {
+        let numbers = [0.0, 0.0456, 0.9999, 9.999, 15.04, 99.96, -1234.4];
+        assert_eq!(
+            numbers.map(brief),
+            [
+                "0.00",
+                "0.046",
+                "1.00",
+                "10.0",
+                "15.0",
+                "100",
+                "-1\u{202f}234"
+            ]
         );
     }
 

@@ -75,9 +75,9 @@ impl Run {
     /// What is to be seen at once: medians over the scans.
     pub(super) fn figures(&self) -> Vec<Figure> {
         let numbers: [(&str, Of, &str); 3] = [
-            ("points in space a scan", |of| of.points as f64, ""),
-            ("of the pixels with a disparity", |of| of.known * 100.0, "%"),
-            ("computing a scan", computing, "ms"),
+            ("Points in space, each scan", |of| of.points as f64, ""),
+            ("Pixels with a disparity", |of| of.known * 100.0, "%"),
+            ("Computing, each scan", computing, "ms"),
         ];
         let figures = numbers.into_iter().filter_map(|(name, of, unit)| {
             let values = self.series(name, of).values;

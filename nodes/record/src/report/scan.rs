@@ -12,7 +12,7 @@ use super::Fault;
 use super::figures::{Look, Sheet, class};
 use super::legend;
 use super::page::{Album, Shown, count, counted, missing, table};
-use super::plot::{Quantity, Series, Unit, histogram};
+use super::plot::{Quantity, Series, Unit, brief, histogram};
 use super::space::{self, Eye};
 use crate::info::date;
 use crate::{ReadError, Recording, Scan};
@@ -61,7 +61,15 @@ pub(super) fn section(
                 count(unreadable)
             )))
         }
-        (facts) (views) (results) (space)
+        (facts)
+        // One view and what came of it fit in a row.
+        @if views.len() == 1 {
+            (group("View and results", &[views, results].concat()))
+        } @else {
+            (group("Views", &views))
+            (group("Results", &results))
+        }
+        (space)
         @for figures in &figures { (figures) }
         (drawn.distributions(&channels, lengths))
     };
@@ -151,7 +159,7 @@ impl<'a> Drawn<'a> {
                     @for (number, name) in counts.into_iter().filter(|(number, _)| *number > 0) {
                         "; " (count(number)) " " (name)
                     }
-                    "; disparity known at " (format_args!("{:.1} %", of_scan.known * 100.0)) " of all pixels"
+                    "; disparity known at " (brief(of_scan.known * 100.0)) " % of all pixels"
                 }
                 "."
             }
@@ -162,7 +170,7 @@ impl<'a> Drawn<'a> {
     }
 
     /// What the cameras saw.
-    fn views(&mut self) -> Result<Markup, Fault> {
+    fn views(&mut self) -> Result<Vec<Markup>, Fault> {
         let rig = &self.recording.metadata().rig;
         let mut figures = Vec::new();
         for (view, topic) in Topic::of(rig, Kind::Image).iter().enumerate() {
@@ -188,7 +196,7 @@ impl<'a> Drawn<'a> {
             let png = sheet.original(image.view().pixels)?;
             figures.push(self.album.picture(&png, sheet.size(), shown));
         }
-        Ok(group("Views", &figures))
+        Ok(figures)
     }
 
     /// The four figures of a channel and its matches; and the lengths of its curves.
@@ -332,7 +340,7 @@ impl<'a> Drawn<'a> {
     }
 
     /// What came of it: the disparity picture, how far its points are from the truth, and how sure they are.
-    fn results(&mut self) -> Result<Markup, Fault> {
+    fn results(&mut self) -> Result<Vec<Markup>, Fault> {
         let mut figures = Vec::new();
         match &self.picture {
             Ok(found) => {
@@ -351,7 +359,7 @@ impl<'a> Drawn<'a> {
             Err(error) => figures.push(missing(error)),
         }
         let Ok(points) = &self.points else {
-            return Ok(group("Disparity, error and confidence", &figures));
+            return Ok(figures);
         };
         let (points, sheet) = (points.view(), Sheet::of(points.header.size()));
         let seen = Seen {
@@ -391,7 +399,7 @@ impl<'a> Drawn<'a> {
         };
         let png = sheet.painted(Pictured::Confidence, &seen)?;
         figures.push(self.album.picture(&png, sheet.size(), shown));
-        Ok(group("Disparity, error and confidence", &figures))
+        Ok(figures)
     }
 
     /// The points from three sides.

@@ -19,7 +19,7 @@ use crate::compact::{Pixels, encode};
 pub(super) const CANVAS: Size = Size::new(960, 720);
 
 /// Room for numbers and names beside the box, and above and below it, in pixels.
-const MARGIN: [f64; 2] = [150.0, 104.0];
+const MARGIN: [f64; 2] = [186.0, 104.0];
 
 /// A box is no thinner than this share of its longest side: there has to be room for its scale.
 const THINNEST: f64 = 0.16;
@@ -299,7 +299,12 @@ impl Stage {
         (ends[0][axis], ends[1][axis]) = (least, most);
         let [(a, _), (b, _)] = ends.map(|end| self.project(end));
         let room = (a[0] - b[0]).hypot(a[1] - b[1]);
-        ticks(least, most, (room / 95.0) as usize)
+        let fits = (room / 95.0) as usize;
+        // A scale has two numbers at least, and be they close to each other.
+        (fits..=20)
+            .map(|at_most| ticks(least, most, at_most))
+            .find(|ticks| ticks.len() >= 2)
+            .unwrap_or_default()
     }
 
     /// The lines of the scale on the walls that no point can hide behind.
@@ -450,6 +455,22 @@ mod tests {
                 touches(0, CANVAS.width) | touches(1, CANVAS.height),
                 "{eye:?}"
             );
+        }
+    }
+
+    #[test]
+    fn every_scale_has_two_numbers_however_little_room_there_is() {
+        // No two multiples of five lie between the ends of its depth.
+        let mut points = cloud();
+        for point in &mut points {
+            point.x *= 10.0;
+            point.z = 10.4 + point.z;
+        }
+        for eye in [Eye::side(), Eye::above(), Eye::front()] {
+            let stage = Stage::new(eye, Bounds::of(&points).unwrap());
+            for axis in 0..3 {
+                assert!(stage.ticks(axis).len() >= 2, "{eye:?}, {axis}");
+            }
         }
     }
 
