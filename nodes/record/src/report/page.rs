@@ -102,15 +102,15 @@ impl Album {
         } = shown;
         let next = self.pictures;
         let number = *self.known.entry(blake3::hash(png)).or_insert(next);
+        let Size { width, height } = size;
         if number < next {
             return html! {
                 figure.same {
-                    p.missing { a href={ "#picture-" (number) } { "The same picture as before" } }
+                    p.missing style={ "aspect-ratio:" (width) "/" (height) } { a href={ "#picture-" (number) } { "The same picture as before" } }
                     figcaption { (caption) }
                 }
             };
         }
-        let Size { width, height } = size;
         let image = html! { img class=[named(class)] width=(width) height=(height) alt=(alt) src=(Png(png)); };
         self.enlargeable(size, alt, &image, &caption)
     }
