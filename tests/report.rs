@@ -128,7 +128,7 @@ fn what_was_set_stands_apart_from_what_was_measured_and_beside_what_it_would_be(
     let run = [
         "run", "--source", &source, "--scans", "1", "--record", "x.mcap",
     ];
-    let set = ["--set", "track.points=7"];
+    let set = ["--set", "track.min_points=7"];
     world.run(&[&run[..], &set].concat()).done();
     let html = parsed(&page(&world, &[]));
     let titles: Vec<String> = all(&html, "#measured h2, #settings h2")
@@ -140,7 +140,9 @@ fn what_was_set_stands_apart_from_what_was_measured_and_beside_what_it_would_be(
         .into_iter()
         .map(|row| row.child_elements().map(text).collect::<Vec<_>>().join("|"))
         .collect();
-    let row = rows.iter().find(|row| row.starts_with("track.points|7|"));
+    let row = rows
+        .iter()
+        .find(|row| row.starts_with("track.min_points|7|"));
     let default = row.unwrap().split('|').nth(2).unwrap();
     assert!(
         default.parse::<u32>().is_ok_and(|points| points != 7),
@@ -149,7 +151,7 @@ fn what_was_set_stands_apart_from_what_was_measured_and_beside_what_it_would_be(
     // Nothing else was set, and all that was not is folded.
     assert!(rows.len() < 4, "{rows:?}");
     assert!(!all(&html, "#settings > details table").is_empty());
-    assert!(!text(all(&html, "#measured")[0]).contains("track.points"));
+    assert!(!text(all(&html, "#measured")[0]).contains("track.min_points"));
 }
 
 #[test]

@@ -89,7 +89,6 @@ pub(super) struct Shown<'a> {
 pub(super) struct Album {
     /// The numbers of the pictures by what they hold.
     known: HashMap<blake3::Hash, usize>,
-    pictures: usize,
 }
 
 impl Album {
@@ -100,39 +99,42 @@ impl Album {
             alt,
             caption,
         } = shown;
-        let next = self.pictures;
-        let number = *self.known.entry(blake3::hash(png)).or_insert(next);
         let Size { width, height } = size;
-        if number < next {
-            return html! {
-                figure.same {
-                    p.missing style={ "aspect-ratio:" (width) "/" (height) } { a href={ "#picture-" (number) } { "The same picture as before" } }
-                    figcaption { (caption) }
-                }
-            };
-        }
-        let image = html! { img class=[named(class)] width=(width) height=(height) alt=(alt) src=(Png(png)); };
-        self.enlargeable(size, alt, &image, &caption)
+        let drawn = || html! { img class=[named(class)] width=(width) height=(height) alt=(alt) src=(Png(png)); };
+        self.drawing(png, size, alt, drawn, &caption)
     }
 
-    /// Something drawn with what stands below it.
+    /// Something drawn round a picture with what stands below it; of a picture that the page has already, a link to that.
     ///
     /// A popover needs no script: its button, a click or the Escape key close it. It is shown where it stands as long as
     /// it is closed, so that the page holds the picture once; the cell keeps its place meanwhile.
-    pub(super) fn enlargeable(
+    pub(super) fn drawing(
         &mut self,
+        png: &[u8],
         size: Size,
         alt: &str,
-        drawn: &Markup,
+        drawn: impl FnOnce() -> Markup,
         caption: &Markup,
     ) -> Markup {
-        let id = format!("picture-{}", self.pictures);
-        self.pictures += 1;
+        let ratio = format!("aspect-ratio:{}/{}", size.width, size.height);
+        let next = self.known.len();
+        let hash = blake3::hash(png);
+        let number = *self.known.entry(hash).or_insert(next);
+        let id = format!("picture-{number}");
+        if number < next {
+            return html! {
+                figure.same {
+                    p.missing style=(ratio) { a href={ "#" (id) } { "The same picture as before" } }
+                    figcaption { (caption) }
+                }
+                "\n"
+            };
+        }
         html! {
-            div.cell style={ "aspect-ratio:" (size.width) "/" (size.height) } {
+            div.cell style=(ratio) {
                 figure id=(id) popover {
                     div.pan {
-                        button type="button" popovertarget=(id) aria-label={ "enlarge: " (alt) } { (drawn) }
+                        button type="button" popovertarget=(id) aria-label={ "enlarge: " (alt) } { (drawn()) }
                     }
                     figcaption { (caption) }
                 }

@@ -112,13 +112,14 @@ pub(super) fn views(
         let strays = stage.strays(points) as u64;
         let shown = count(points.len() as u64 - strays);
         let alt = format!("{shown} points in space {from}, coloured by disparity");
-        let drawn = stage.drawn(&stage.dots(points, span)?, unit, &alt);
+        let dots = stage.dots(points, span)?;
+        let drawn = || stage.drawn(&dots, unit, &alt);
         let caption = html! {
             b { "Points " (from) } ", " (how) ": " (shown)
             @if strays > 0 { "; " (count(strays)) " outlying points left out" }
             (legend)
         };
-        figures.push(album.enlargeable(CANVAS, &alt, &drawn, &caption));
+        figures.push(album.drawing(&dots, CANVAS, &alt, drawn, &caption));
     }
     Ok(html! { div.spaces { @for figure in &figures { (figure) } } })
 }
