@@ -256,7 +256,7 @@ fn a_changed_image_digest_result_or_setting_is_named_and_nothing_is_written() {
             "gap",
             "the settings of match are not those that scan 0 was made with",
         ),
-        ("versions", "filter", "filter was version 7 and is 1 here"),
+        ("versions", "filter", "filter was version 7 and is 2 here"),
     ] {
         let change = |configuration: &mut Value| configuration[stage][key] = 7.into();
         rewritten(&world, "bad.mcap", &nothing, &change);

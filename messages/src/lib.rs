@@ -25,6 +25,7 @@ pub mod health;
 pub mod ledger;
 pub mod mixed;
 pub mod payload;
+pub mod profile;
 pub mod reason;
 #[cfg(feature = "record")]
 pub mod record;

@@ -18,22 +18,51 @@ pub const SECTIONS: usize = 4;
 pub const ALIGNMENT: usize = 64;
 
 /// A zero-crossing of ∇²G in one channel, with what is known about it.
+///
+/// The filter makes its numbers whole multiples of small steps, which floats hold exactly: what stands in shared memory is
+/// what a recording holds in few bytes, to the bit.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Edge {
-    /// Column, sub-pixel when the crossing lies between two columns.
+    /// Column, sub-pixel when the crossing lies between two columns, in 1/256.
     pub x: f32,
-    /// Row, sub-pixel when the crossing lies between two rows; whole for a crossing along a row.
+    /// Row, sub-pixel when the crossing lies between two rows, in 1/256; whole for a crossing along a row, and for no other.
     pub y: f32,
-    /// Magnitude of the gradient there, in gray levels per pixel.
+    /// Magnitude of the gradient there, in gray levels per pixel, in 1/256.
     pub magnitude: f32,
-    /// Direction of the gradient, from dark to bright, in radians in (−π, π]; 0 points to the right, π/2 down.
+    /// Direction of the gradient, from dark to bright, in radians in (−π, π], 65,536 steps to the turn; 0 points to the
+    /// right, π/2 down.
     pub orientation: f32,
-    /// Gray levels beside the crossing, in its row, at [`Edge::PROFILE_OFFSETS`] columns from it.
+    /// Gray levels beside the crossing, in its row, at [`Edge::PROFILE_OFFSETS`] columns from it; they follow from the view
+    /// ([`profile`](crate::profile)).
     pub profile: [u8; 8],
 }
 
 impl Edge {
+    /// Steps of place to a pixel. A point is matched to a fourteenth of a pixel; rounding adds a thousandth.
+    pub const PIXEL_STEPS: u32 = 256;
+
+    /// Steps of magnitude to a gray level per pixel: the largest there can be, 255, is below 65,536.
+    pub const MAGNITUDE_STEPS: u32 = 256;
+
+    /// Steps of orientation to half a turn.
+    pub const HALF_TURN_STEPS: i32 = 32_768;
+
+    /// The orientation of so many steps, from −32,767 to 32,768, in radians.
+    #[inline(always)]
+    pub fn orientation_of(steps: i32) -> f32 {
+        // By a power of two, so that half a turn is π to the bit.
+        steps as f32 * (std::f32::consts::PI / Self::HALF_TURN_STEPS as f32)
+    }
+
+    /// The whole number of steps that is nearest to an orientation in [−π, π]; −π is π.
+    #[inline(always)]
+    pub fn orientation_steps(orientation: f32) -> i32 {
+        let half = Self::HALF_TURN_STEPS;
+        let steps = whole(orientation * (half as f32 / std::f32::consts::PI));
+        if steps <= -half { half } else { steps }
+    }
+
     /// Where the samples of [`Edge::profile`] are taken, in columns from the crossing.
     pub const PROFILE_OFFSETS: [f32; 8] = [-6.0, -4.0, -2.5, -1.25, 1.25, 2.5, 4.0, 6.0];
 
@@ -41,6 +70,23 @@ impl Edge {
     pub fn is_in_row(&self) -> bool {
         self.y.fract() == 0.0
     }
+}
+
+/// A float of 2²³ and more has no parts left, and shows its units in its lowest bits; this one leaves room for negative
+/// numbers.
+const UNITS: f32 = 12_582_912.0;
+
+/// The nearest whole number, of two the even one; right up to four million. Unlike rounding by name this does several at a
+/// time on any machine.
+#[inline(always)]
+pub fn nearest(value: f32) -> f32 {
+    (value + UNITS) - UNITS
+}
+
+/// The same as an integer, which unlike a cast does several at a time.
+#[inline(always)]
+pub fn whole(value: f32) -> i32 {
+    ((value + UNITS).to_bits() as i32).wrapping_sub(UNITS.to_bits() as i32)
 }
 
 /// A curve: a run of points and what is common to them.
@@ -876,6 +922,17 @@ impl<M: Message> std::fmt::Debug for Owned<M> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_step_of_orientation_is_its_own_nearest_and_half_a_turn_is_pi() {
+        for steps in -32_767..=32_768 {
+            assert_eq!(Edge::orientation_steps(Edge::orientation_of(steps)), steps);
+        }
+        let pi = std::f32::consts::PI;
+        assert_eq!(Edge::orientation_of(32_768), pi);
+        assert_eq!(Edge::orientation_steps(-pi), 32_768);
+        assert_eq!(Edge::orientation_of(0).to_bits(), 0);
+    }
 
     #[test]
     fn what_is_written_into_a_room_is_what_a_view_shows() {

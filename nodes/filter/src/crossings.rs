@@ -14,10 +14,12 @@
 //! Every pixel of a row is marked with the cut it lists, all of them alike and without a branch; then the cuts are
 //! gathered, then measured together: what a branch costs that nobody can foresee was three quarters of the time.
 
+use messages::payload::nearest;
+use messages::profile::Profiles;
 use messages::{Edge, List};
 use multiversion::multiversion;
 
-use crate::gray::{Gray, Profiles, STEPS};
+use crate::gray::Gray;
 use crate::picture::Picture;
 
 /// A contour is nearly horizontal where ∇²G changes this many times as fast down as along: within 9.5° of the row.
@@ -320,31 +322,41 @@ fn measure(cuts: &Cuts, y: f32, view: &View<'_>, measured: &mut Measured) {
         let slope = (b - a) - (1.0 - 2.0 * t) * bend - t * (1.0 - t) * (bend_b - bend_a) / 6.0;
         let correction = t * (1.0 - t) * bend / slope;
         let t = (t + correction.clamp(-view.correction, view.correction)).clamp(0.0, 1.0);
-        let down = t * cuts.is_down[i] as f32;
-        let along = t - down;
-        measured.x[i] = within(cuts.column[i] as f32, along);
-        measured.y[i] = within(y, down);
-        measured.fraction[i] = steps(along);
-        measured.lower[i] = i32::from(down >= 0.5);
+        let is_down = cuts.is_down[i] as f32;
+        let steps = steps(t, is_down);
+        let (down, along) = (steps * is_down, steps * (1.0 - is_down));
+        measured.x[i] = within(cuts.column[i] as f32, along * (1.0 / STEPS));
+        measured.y[i] = within(y, down * (1.0 / STEPS));
+        measured.fraction[i] = along as i32;
+        measured.lower[i] = i32::from(down >= STEPS / 2.0);
 
         let between = |[a, b]: [f32; 2]| a + t * (b - a);
         let gx = between([cuts.along[0][i], cuts.along[1][i]]);
         let gy = between([cuts.down[0][i], cuts.down[1][i]]);
-        measured.orientation[i] = direction(gx, gy);
-        let magnitude = (gx * gx + gy * gy).sqrt() * scale;
+        measured.orientation[i] = Edge::orientation_of(Edge::orientation_steps(direction(gx, gy)));
+        let magnitude = in_steps((gx * gx + gy * gy).sqrt() * scale);
         // A line that only touches zero, in one pixel and from below, is not cut: it goes under any floor.
         let touches = ((a == 0.0) & (before < 0.0)) | ((b == 0.0) & (after < 0.0));
         measured.magnitude[i] = if touches { -1.0 } else { magnitude };
     }
 }
 
-/// A part of a pixel in whole steps of interpolation, fewer than make a pixel.
+/// Steps of place to a pixel.
+const STEPS: f32 = Edge::PIXEL_STEPS as f32;
+
+/// A part of a pixel in whole steps, fewer than make a pixel; of a cut of the column one at least, for a whole row is what
+/// cuts of rows have.
 #[inline(always)]
-fn steps(part: f32) -> i32 {
-    // A float of 2²³ and more shows its units in its lowest bits; unlike a cast this does several at a time.
-    const UNITS: f32 = 8_388_608.0;
-    let steps = (part * STEPS as f32).min((STEPS - 1) as f32);
-    (steps + UNITS).to_bits() as i32 - UNITS.to_bits() as i32
+fn steps(part: f32, least: f32) -> f32 {
+    nearest(part * STEPS).min(STEPS - 1.0).max(least)
+}
+
+/// A magnitude in whole steps, the nearest that says whether it is any.
+#[inline(always)]
+fn in_steps(magnitude: f32) -> f32 {
+    const STEPS: f32 = Edge::MAGNITUDE_STEPS as f32;
+    let least = if magnitude > 0.0 { 1.0 } else { 0.0 };
+    nearest(magnitude * STEPS).min(65_535.0).max(least) * (1.0 / STEPS)
 }
 
 /// A number from `whole` up to, never at, the next whole number.
@@ -447,7 +459,8 @@ mod tests {
         ] {
             let places: Vec<f32> = edges_of_rows(&row).iter().map(|e| e.x).collect();
             assert_eq!(places.len(), 1, "{row:?}");
-            assert!((places[0] - 2.0).abs() < 1e-6, "{places:?}");
+            // The pixel before owns it, and ends a step short of it.
+            assert!((places[0] - 2.0).abs() <= 1.0 / 256.0, "{places:?}");
         }
     }
 
@@ -494,8 +507,21 @@ mod tests {
     #[test]
     fn the_steps_of_a_pixel_are_counted_from_0_to_one_less_than_all() {
         assert_eq!(
-            [0.0, 0.25, 0.5, 0.999, 1.0].map(steps),
-            [0, 64, 128, 255, 255]
+            [0.0, 0.25, 0.5, 0.999, 1.0].map(|part| steps(part, 0.0)),
+            [0.0, 64.0, 128.0, 255.0, 255.0]
+        );
+        // A cut of the column never lies in a row.
+        assert_eq!(
+            [0.0, 0.001, 0.003, 1.0].map(|part| steps(part, 1.0)),
+            [1.0, 1.0, 1.0, 255.0]
+        );
+    }
+
+    #[test]
+    fn a_magnitude_is_the_nearest_step_and_none_becomes_nothing() {
+        assert_eq!(
+            [0.0, 1e-9, 0.0061, 2.5, 255.0, 1e9].map(in_steps),
+            [0.0, 1.0 / 256.0, 2.0 / 256.0, 2.5, 255.0, 65_535.0 / 256.0]
         );
     }
 }

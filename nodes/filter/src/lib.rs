@@ -46,7 +46,7 @@ use smooth::Gaussian;
 use spectrum::Spectrum;
 
 /// The version of the algorithm: one more whenever the same input and settings give other edges.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Turns views into zero-crossings, one view at a time, channel by channel.
 pub struct Filter {

@@ -309,8 +309,10 @@ fn the_scaling_of_the_thesis_makes_the_largest_gradient_255() {
         assert_eq!(literal.len(), absolute.len());
         for (literal, absolute) in literal.iter().zip(&absolute) {
             let expected = f64::from(absolute.magnitude) * 255.0 / largest;
+            // Both are rounded to steps.
+            let steps = (0.5 + 0.5 * 255.0 / largest) / f64::from(Edge::MAGNITUDE_STEPS);
             assert!(
-                (f64::from(literal.magnitude) - expected).abs() < 1e-3 * expected,
+                (f64::from(literal.magnitude) - expected).abs() < 1e-3 * expected + steps,
                 "{literal:?}"
             );
             assert!(literal.magnitude <= 255.1);
@@ -583,16 +585,53 @@ fn beside_the_obvious(interpolation: Interpolation) -> Vec<(Edge, (f64, f64, f64
     pairs
 }
 
+/// A step of an edge's place, in pixels.
+const PLACE: f64 = 1.0 / Edge::PIXEL_STEPS as f64;
+
+#[test]
+fn edges_are_whole_numbers_of_steps_and_only_those_of_rows_lie_in_rows() {
+    let is_whole = |value: f32, steps: u32| (value * steps as f32).fract() == 0.0;
+    let mut of_rows = 0;
+    let all = [Interpolation::Linear, Interpolation::Cubic].map(beside_the_obvious);
+    for (edge, (x, y, ..)) in all.iter().flatten() {
+        assert!(is_whole(edge.x, Edge::PIXEL_STEPS) && is_whole(edge.y, Edge::PIXEL_STEPS));
+        assert!(is_whole(edge.magnitude, Edge::MAGNITUDE_STEPS) && edge.magnitude > 0.0);
+        let steps = Edge::orientation_steps(edge.orientation);
+        assert_eq!(
+            edge.orientation.to_bits(),
+            Edge::orientation_of(steps).to_bits()
+        );
+        // Where the obvious search finds it between two rows, it lies there.
+        assert!(edge.is_in_row() || edge.x.fract() == 0.0, "{edge:?}");
+        if x.fract() != 0.0 || y.fract() != 0.0 {
+            assert_eq!(
+                edge.is_in_row(),
+                y.fract() == 0.0,
+                "{edge:?}, at ({x}, {y})"
+            );
+        }
+        of_rows += usize::from(edge.is_in_row());
+    }
+    let len = all.iter().map(Vec::len).sum::<usize>();
+    assert!(
+        of_rows > len / 10 && of_rows < len * 9 / 10,
+        "{of_rows} of {len}"
+    );
+}
+
 #[test]
 fn on_any_image_the_edges_are_those_of_the_obvious_search() {
     for (edge, (x, y, magnitude, orientation)) in beside_the_obvious(Interpolation::Linear) {
+        // To half a step, and to a whole one at the ends of a pixel.
         let off = (f64::from(edge.x) - x).hypot(f64::from(edge.y) - y);
-        assert!(off < 1e-4, "{edge:?}, not at ({x}, {y})");
+        let is_at_end = [x, y]
+            .iter()
+            .any(|place| (place - place.round()).abs() < PLACE);
+        let most = if is_at_end { PLACE } else { PLACE / 2.0 };
+        assert!(off < most + 1e-4, "{edge:?}, not at ({x}, {y})");
         let error = (f64::from(edge.magnitude) - magnitude).abs();
-        assert!(
-            error < 1e-3 * (1.0 + magnitude),
-            "{edge:?}, not {magnitude}"
-        );
+        let step = 1.0 / f64::from(Edge::MAGNITUDE_STEPS);
+        assert!(error < 1e-3 * magnitude + step, "{edge:?}, not {magnitude}");
         // Where the gradient all but vanishes, its direction is anybody's.
         let turned = degrees_between(edge.orientation.into(), orientation);
         assert!(
@@ -609,7 +648,7 @@ fn with_curvature_edges_lie_where_the_cubic_is_zero_unless_that_is_far_from_the_
     let mut errors = Vec::new();
     for ((line, _), (edge, (x, y, ..))) in lines.into_iter().zip(cubics) {
         assert!(
-            (edge.x - line.x).hypot(edge.y - line.y) < 0.1001,
+            f64::from((edge.x - line.x).hypot(edge.y - line.y)) < 0.1001 + PLACE,
             "{edge:?}, {line:?}"
         );
         if (x - f64::from(line.x)).hypot(y - f64::from(line.y)) < 0.1 {
@@ -619,7 +658,7 @@ fn with_curvature_edges_lie_where_the_cubic_is_zero_unless_that_is_far_from_the_
     // One step of Newton's method stops a little short of it.
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     assert!(
-        errors.len() > 20_000 && mean < 0.001,
+        errors.len() > 20_000 && mean < 0.001 + PLACE / 4.0,
         "{mean} of {}",
         errors.len()
     );
