@@ -4,14 +4,17 @@
 //! Header + XView ─► Codec::encode ─► protobuf, schema embedded ─► Codec::decode ─► Owned<X>, the same bytes
 //! ```
 //!
-//! Data topics are lossless. The payload's large sections go in as the memory they are, so that encoding costs one
-//! copy; their layout is declared field by field beside them, and small records (curves, tables, matches) are
-//! messages of their own. What another message of the scan says already is not said again: curves name their edges,
-//! R-tables the points of their curves. Topics for people (curves over each image, the disparity picture in colours, why
+//! Data topics are lossless. Edges are columns of small whole numbers, which they are where they are made; what is no
+//! such number goes in as the memory it is, its layout declared field by field beside it, and small records are messages
+//! of their own. What another message of the scan says already is not said again: the gray levels beside edges follow from
+//! the image, curves name their edges, R-tables the points of their curves. Topics for people (curves over each image, the disparity picture in colours, why
 //! curves were rejected) and about the scene (calibration, frames) are derived from the data.
 
+mod along;
 mod annotations;
 mod codec;
+mod comments;
+mod edges;
 mod encoder;
 mod overlay;
 mod pictures;
@@ -23,6 +26,7 @@ mod scene;
 mod schema;
 mod statistics;
 mod views;
+mod walks;
 mod whole;
 mod wire;
 
@@ -40,6 +44,7 @@ pub use whole::WHOLE;
 /// The topic that says where everything stands.
 pub const TRANSFORMS: &str = "tf";
 
+use crate::header::NONE;
 use crate::rig::{Rail, Rig};
 use crate::topic::{Kind, Topic};
 
@@ -129,51 +134,64 @@ pub struct Codec {
     rig: Rig,
     reference: usize,
     optical_frames: Vec<String>,
-    pixel_frames: Vec<String>,
     topics: Vec<Topic>,
-    finder: refer::Finder,
+    columns: edges::Columns,
+    walker: walks::Walker,
+    scratch: Vec<u32>,
+    places: Vec<u64>,
 }
 
 impl Codec {
     /// For the messages of a rig whose disparities and points are those of the view with index `reference`, or of
     /// the last view when there are fewer.
     pub fn new(rig: Rig, reference: usize) -> Self {
-        let frames = |of| {
-            rig.views
-                .iter()
-                .map(|view| format!("{}_{of}", view.name))
-                .collect()
-        };
+        let optical = rig
+            .views
+            .iter()
+            .map(|view| format!("{}_optical", view.name));
         Self {
-            optical_frames: frames("optical"),
-            pixel_frames: frames("pixels"),
+            optical_frames: optical.collect(),
             reference: reference.min(rig.views.len().saturating_sub(1)),
             topics: Topic::all(&rig),
-            finder: refer::Finder::default(),
+            columns: edges::Columns::default(),
+            walker: walks::Walker::default(),
+            scratch: Vec::new(),
+            places: Vec::new(),
             rig,
         }
     }
 
-    /// The topic of another kind, of the same view and channel.
+    /// The topic of another kind that messages of a topic may refer to: of the same channel where it has channels, of the
+    /// same view where it has views, and of the reference view where the topic has none.
     pub fn beside(&self, topic: &Topic, kind: Kind) -> Option<&Topic> {
-        let is_it =
-            |t: &&Topic| t.kind == kind && t.view == topic.view && t.channel == topic.channel;
+        let view = match topic.view {
+            NONE => self.reference as u32,
+            view => view,
+        };
+        let is_it = |other: &&Topic| {
+            other.kind == kind
+                && (other.view == view || !kind.is_per_view())
+                && (other.channel == topic.channel || !kind.is_per_channel())
+        };
         self.topics.iter().find(is_it)
     }
 
-    /// Whether messages of this topic may refer to those of the topic of this name.
+    /// Whether messages of this topic may refer to those of the topic of this name, at once or by way of others.
     pub fn refers(&self, topic: &Topic, name: &str) -> bool {
         // Only there it stands where a camera that moves was.
         if name == TRANSFORMS && self.rig.rail.is_some() {
             return true;
         }
-        let to: &[Kind] = match topic.kind {
-            Kind::Curves => &[Kind::Edges],
-            Kind::Tables => &[Kind::Curves, Kind::Edges],
-            _ => &[],
-        };
+        refer::referred(topic.kind).iter().any(|&kind| {
+            let is_it = |other: &Topic| other.name == name || self.refers(other, name);
+            self.beside(topic, kind).is_some_and(is_it)
+        })
+    }
+
+    /// Whether messages of this topic may themselves refer to those of the topic of this name.
+    pub fn refers_itself(&self, topic: &Topic, name: &str) -> bool {
         let is_it = |kind: &Kind| self.beside(topic, *kind).is_some_and(|t| t.name == name);
-        to.iter().any(is_it)
+        refer::referred(topic.kind).iter().any(is_it)
     }
 
     /// Whether the topic of this name is one of data.

@@ -6,13 +6,14 @@ use bytemuck::{Pod, Zeroable};
 use foxglove::Decode as _;
 use foxglove::messages as fg;
 use messages::payload::SECTIONS;
+use messages::profile::Steady;
 use messages::record::{
     Beside, Codec, DecodeError, Level, Pictured, Recorded, Said, Seen, Shown, Span, Views,
 };
 use messages::{
     AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Evaluation,
-    Growing, Header, Image, Kind, List, Map, Match, Matches, NONE, Owned, Points, Rail, Raw,
-    Reason, Rejected, Rig, Size, Sway, Table, Tables, Topic, Truth,
+    Growing, Header, Image, Kind, List, Map, Match, MatchPoint, Matches, MatchesRoom, NONE, Owned,
+    Points, Rail, Raw, Reason, Rejected, Rig, Size, Sway, Table, Tables, TablesRoom, Topic, Truth,
 };
 
 /// Numbers that look random and never change.
@@ -241,54 +242,79 @@ fn a_message_made_before_is_reused_whatever_it_held() {
     });
 }
 
-/// Edges in raster order, curves made of them, and the R-tables of those: messages that say the same again.
-fn related(random: &mut Random, size: Size) -> (Owned<Edges>, Owned<Curves>, Owned<Tables>) {
+/// Messages of a scan that say the same again: an image, edges whose gray levels are those of the image, curves made of
+/// them, the R-tables of those, and matches of their points.
+#[derive(Clone)]
+struct Related {
+    image: Owned<Image>,
+    edges: Owned<Edges>,
+    curves: Owned<Curves>,
+    tables: Owned<Tables>,
+    matches: Owned<Matches>,
+}
+
+/// Edges as the filter makes them: in raster order, one a pixel at most, in whole steps.
+fn lattice(random: &mut Random, size: Size, image: &[u8]) -> Vec<Edge> {
+    let mut edges = Vec::new();
+    for pixel in 0..size.pixels() as u32 {
+        if random.below(10) < 4 {
+            continue;
+        }
+        let part = random.below(256) as f32 / 256.0;
+        let (dx, dy) = match random.below(2) {
+            0 => (part, 0.0),
+            _ => (0.0, part.max(1.0 / 256.0)),
+        };
+        let extremes = [-32_767, 0, 32_768];
+        edges.push(Edge {
+            x: (pixel % size.width) as f32 + dx,
+            y: (pixel / size.width) as f32 + dy,
+            magnitude: random.below(65_536) as f32 / 256.0,
+            orientation: Edge::orientation_of(match random.below(4) {
+                3 => random.below(65_535) as i32 - 32_766,
+                which => extremes[which],
+            }),
+            profile: [0; 8],
+        });
+    }
+    let mut steady = Steady::new(size);
+    steady.take(image, size);
+    steady.fill(&mut edges);
+    edges
+}
+
+fn related(random: &mut Random, size: Size) -> Related {
     let header = Header {
         view: 0,
         channel: 0,
         ..Header::new(7, NANOS, size)
     };
-    let mut unit = move || random.below(1 << 20) as f32 / (1 << 20) as f32;
+    let mut image = Owned::<Image>::new(rig().size);
+    image.fill(|room| random.fill(&mut room.pixels, size.pixels()));
+    let all = lattice(random, size, image.view().pixels);
     let mut edges = Owned::<Edges>::new(rig().size);
-    edges.fill(|room| {
-        for pixel in 0..size.pixels() as u32 {
-            // Of one pixel there may be two: one along the row, one along the column.
-            let (x, y) = ((pixel % size.width) as f32, (pixel / size.width) as f32);
-            for (dx, dy) in [(0.0, 0.9), (0.9, 0.0)] {
-                if unit() < 0.4 {
-                    let (magnitude, orientation) = (unit(), (unit() * 8.0).floor() - 3.0);
-                    let (x, y) = (x + dx * unit(), y + dy * unit());
-                    room.edges.push(Edge {
-                        x,
-                        y,
-                        magnitude,
-                        orientation,
-                        profile: [pixel as u8; 8],
-                    });
-                }
-            }
-        }
-    });
+    edges.fill(|room| room.edges.extend_from_slice(&all));
     let mut curves = Owned::<Curves>::new(rig().size);
     curves.fill(|room| {
-        let all = edges.view().edges;
         let mut next = 0;
         while next < all.len() {
-            let count = (1 + (unit() * 9.0) as usize).min(all.len() - next);
+            let count = (1 + random.below(9)).min(all.len() - next);
+            // Now and then one belongs to two curves, and none is in the order of the list. No step is too long.
+            let from = next.saturating_sub(usize::from(random.below(10) < 3));
+            let near = |i: &usize| (all[*i].x - all[from].x).abs() < 7.0;
+            let points: Vec<usize> = (from..from + count).take_while(near).collect();
             room.curves.push(Curve {
                 label: room.curves.len() as u32,
                 first: room.points.len() as u32,
-                count: count as u32,
+                count: points.len() as u32,
+                parent: if next % 3 == 0 { NONE } else { next as u32 },
                 x: all[next].x,
                 y: all[next].y + 0.3,
-                ..Curve::default()
+                magnitude: -0.0,
+                length: f32::NAN,
             });
-            // Now and then one belongs to two curves, and none is in the order of the list.
-            let from = next.saturating_sub(usize::from(unit() < 0.3));
-            (from..from + count)
-                .rev()
-                .for_each(|i| room.points.push(all[i]));
-            next += count;
+            points.iter().rev().for_each(|&i| room.points.push(all[i]));
+            next = from + points.len();
         }
     });
     let mut tables = Owned::<Tables>::new(rig().size);
@@ -301,7 +327,7 @@ fn related(random: &mut Random, size: Size) -> (Owned<Edges>, Owned<Curves>, Own
                 count: curve.count,
                 x: curve.x,
                 y: curve.y,
-                weight: 1.0,
+                weight: curve.count as f32,
             });
             let mut points: Vec<usize> = curve.range().collect();
             points.sort_by(|&a, &b| {
@@ -335,81 +361,120 @@ fn related(random: &mut Random, size: Size) -> (Owned<Edges>, Owned<Curves>, Own
         }
         room.order.extend_from_slice(&order);
     });
-    edges.header = Header {
-        lens: edges.header.lens,
-        ..header
-    };
-    curves.header = Header {
-        lens: curves.header.lens,
-        ..header
-    };
-    tables.header = Header {
-        lens: tables.header.lens,
-        ..header
-    };
-    (edges, curves, tables)
+    let mut matches = Owned::<Matches>::new(rig().size);
+    matches.fill(|room| {
+        for (point, of) in (0..).zip(curves.view().points) {
+            if random.below(3) > 0 {
+                room.points.push(MatchPoint {
+                    x: of.x,
+                    y: of.y,
+                    disparity: f32::from_bits(random.bits() as u32),
+                    score: f32::from_bits(random.bits() as u32),
+                    point,
+                    filled: random.below(2) as u32,
+                });
+            }
+        }
+    });
+    for (own, view, channel) in [
+        (&mut image.header, 0, NONE),
+        (&mut edges.header, 0, 0),
+        (&mut curves.header, 0, 0),
+        (&mut tables.header, 0, 0),
+        (&mut matches.header, NONE, 0),
+    ] {
+        *own = Header {
+            lens: own.lens,
+            view,
+            channel,
+            ..header
+        };
+    }
+    Related {
+        image,
+        edges,
+        curves,
+        tables,
+        matches,
+    }
 }
 
-/// Encodes the three beside each other, and reads curves and tables back.
-#[expect(clippy::type_complexity, reason = "said once, here")]
-fn through(
-    edges: &Owned<Edges>,
-    curves: &Owned<Curves>,
-    tables: &Owned<Tables>,
-) -> (
-    [Vec<u8>; 3],
-    Result<Owned<Curves>, DecodeError>,
-    Result<Owned<Tables>, DecodeError>,
-) {
-    let topic = |kind| Topic::of(&rig(), kind).swap_remove(0);
+/// The messages as encoded, each beside the others.
+type Encoded = [Vec<u8>; 5];
+
+const RELATED: [Kind; 5] = [
+    Kind::Image,
+    Kind::Edges,
+    Kind::Curves,
+    Kind::Tables,
+    Kind::Matches,
+];
+
+fn topic_of(kind: Kind) -> Topic {
+    Topic::of(&rig(), kind).swap_remove(0)
+}
+
+/// Encodes the messages beside each other, those without a `false`.
+fn through(related: &Related, with_image: bool) -> Encoded {
+    let image = with_image.then(|| related.image.view());
     let beside = Beside {
-        edges: Some(edges.view()),
-        curves: Some(curves.view()),
+        image,
+        edges: Some(related.edges.view()),
+        curves: Some(related.curves.view()),
     };
+    let all: [(&Header, AnyView<'_>); 5] = [
+        (&related.image.header, related.image.view().into()),
+        (&related.edges.header, related.edges.view().into()),
+        (&related.curves.header, related.curves.view().into()),
+        (&related.tables.header, related.tables.view().into()),
+        (&related.matches.header, related.matches.view().into()),
+    ];
     let mut codec = codec();
-    let mut bytes: [Vec<u8>; 3] = Default::default();
-    let [of_edges, of_curves, of_tables] = &mut bytes;
-    codec.encode(
-        &topic(Kind::Edges),
-        &edges.header,
-        edges.view().into(),
-        beside,
-        of_edges,
-    );
-    codec.encode(
-        &topic(Kind::Curves),
-        &curves.header,
-        curves.view().into(),
-        beside,
-        of_curves,
-    );
-    codec.encode(
-        &topic(Kind::Tables),
-        &tables.header,
-        tables.view().into(),
-        beside,
-        of_tables,
-    );
-    let others = |kind| match kind {
-        Kind::Edges => Some(Said::Recorded(&bytes[0])),
-        Kind::Curves => Some(Said::Recorded(&bytes[1])),
-        _ => None,
-    };
-    let curves = codec.decode(&topic(Kind::Curves), 7, NANOS, &bytes[1], &others);
-    let tables = codec.decode(&topic(Kind::Tables), 7, NANOS, &bytes[2], &others);
-    if let Ok(curves) = &curves {
-        // Curves that were read before do as well as recorded ones.
-        let read = |kind| (kind == Kind::Curves).then(|| Said::Curves(Owned::view(curves)));
-        let again = codec.decode::<Tables>(&topic(Kind::Tables), 7, NANOS, &bytes[2], &read);
-        assert_eq!(again.is_ok(), tables.is_ok());
-        if let (Ok(again), Ok(tables)) = (&again, &tables) {
-            assert_eq!(
-                AnyView::from(Owned::view(again)).difference(&Owned::<Tables>::view(tables).into()),
-                None
-            );
-        }
+    let mut bytes = Encoded::default();
+    for ((out, (header, view)), kind) in bytes.iter_mut().zip(all).zip(RELATED) {
+        codec.encode(&topic_of(kind), header, view, beside, out);
     }
-    (bytes, curves, tables)
+    bytes
+}
+
+/// The messages that are there.
+fn among<'a>(bytes: &'a Encoded, without: &[Kind]) -> impl Fn(Kind) -> Option<Said<'a>> {
+    let without = without.to_vec();
+    move |kind| {
+        let at = RELATED.iter().position(|known| *known == kind)?;
+        (!without.contains(&kind)).then(|| Said::Recorded(&bytes[at]))
+    }
+}
+
+fn read<M: Recorded>(bytes: &Encoded, without: &[Kind]) -> Result<Owned<M>, DecodeError> {
+    let at = RELATED.iter().position(|kind| *kind == M::KIND).unwrap();
+    let others = among(bytes, without);
+    codec().decode::<M>(&topic_of(M::KIND), 7, NANOS, &bytes[at], &others)
+}
+
+#[track_caller]
+fn assert_same<M: Sample>(read: Result<Owned<M>, DecodeError>, made: &Owned<M>, what: &str) {
+    let read = read.unwrap();
+    assert_eq!(read.header.lens, made.header.lens, "{what}");
+    assert!(M::bytes(read.view()) == M::bytes(made.view()), "{what}");
+}
+
+/// Everything comes back as it was made; gives the bytes each message takes.
+#[track_caller]
+fn assert_lossless(related: &Related, with_image: bool, what: &str) -> [usize; 5] {
+    let bytes = through(related, with_image);
+    assert_same(read::<Image>(&bytes, &[]), &related.image, what);
+    assert_same(read::<Edges>(&bytes, &[]), &related.edges, what);
+    assert_same(read::<Curves>(&bytes, &[]), &related.curves, what);
+    assert_same(read::<Tables>(&bytes, &[]), &related.tables, what);
+    assert_same(read::<Matches>(&bytes, &[]), &related.matches, what);
+    // Curves that were read before do as well as recorded ones.
+    let before = |kind| (kind == Kind::Curves).then(|| Said::Curves(related.curves.view()));
+    let tables = codec().decode(&topic_of(Kind::Tables), 7, NANOS, &bytes[3], &before);
+    assert_same(tables, &related.tables, what);
+    let matches = codec().decode(&topic_of(Kind::Matches), 7, NANOS, &bytes[4], &before);
+    assert_same(matches, &related.matches, what);
+    bytes.map(|bytes| bytes.len())
 }
 
 #[test]
@@ -421,66 +486,249 @@ fn what_another_message_says_is_not_said_again_and_comes_back_byte_for_byte() {
         Size::new(1, 1),
         Size::new(0, 0),
     ] {
-        let (edges, curves, tables) = related(&mut random, size);
-        let (bytes, read_curves, read_tables) = through(&edges, &curves, &tables);
-        let (read_curves, read_tables) = (read_curves.unwrap(), read_tables.unwrap());
-        assert_eq!(read_curves.header, curves.header);
-        assert_eq!(read_tables.header, tables.header);
-        assert!(Curves::bytes(read_curves.view()) == Curves::bytes(curves.view()));
-        assert!(Tables::bytes(read_tables.view()) == Tables::bytes(tables.view()));
-        let points = curves.view().points.len();
-        let records = 42 * curves.view().curves.len();
-        assert!(bytes[1].len() < 120 + records + 4 * points, "{size}");
+        let related = related(&mut random, size);
+        let [_, edges, curves, tables, matches] =
+            assert_lossless(&related, true, &size.to_string());
+        let many = related.edges.view().edges.len();
         assert!(
-            bytes[2].len() < 200 + records + 4 * points + 4 * size.height as usize,
-            "{size}"
+            edges < 80 + size.height as usize + 6 * many,
+            "{size}: {edges} of {many}"
         );
+        let of_curves = related.curves.view();
+        let (records, points) = (of_curves.curves.len(), of_curves.points.len());
+        assert!(curves < 100 + 24 * records + points, "{size}: {curves}");
+        assert!(tables < 60, "{size}: {tables}");
+        let points = related.matches.view().points.len();
+        assert!(matches < 80 + 9 * points, "{size}: {matches}");
+        // Without the image the gray levels stand in the edges, and nothing else is longer.
+        let [_, with_profiles, rest @ ..] = assert_lossless(&related, false, &size.to_string());
+        let head = with_profiles - edges - 8 * many;
+        assert!((2..=4).contains(&head), "{size}: {head}");
+        assert_eq!(rest, [curves, tables, matches]);
     }
+}
+
+#[test]
+fn every_edge_that_the_filter_can_make_takes_six_bytes_and_any_other_comes_back_too() {
+    let mut random = Random(14);
+    let size = Size::new(40, 30);
+    let topic = &topic_of(Kind::Edges);
+    let round_trip = |edges: &[Edge], what: &str| {
+        let mut message = Owned::<Edges>::new(size);
+        message.header = Header::new(7, NANOS, size);
+        message.fill(|room| room.edges.extend_from_slice(edges));
+        let bytes = encoded(topic, &message);
+        let back = codec().decode::<Edges>(topic, 7, NANOS, &bytes, &alone);
+        assert_same(back, &message, what);
+        bytes.len()
+    };
+    let good = lattice(&mut random, size, &[7; 40 * 30]);
+    let short = round_trip(&good, "as the filter makes them");
+    assert!(short < 14 * good.len() + 120, "{short} of {}", good.len());
+    type Change = fn(&mut Edge);
+    let changes: [(&str, Change); 14] = [
+        ("a place between two steps", |e| e.x += 1.0 / 1024.0),
+        ("a row between two steps", |e| e.y = 3.0 + 1.0 / 512.0),
+        ("a cut of both", |e| (e.x, e.y) = (3.5, 3.5)),
+        ("a place outside", |e| e.x = 40.0),
+        ("a negative place", |e| e.x = -1.0),
+        ("nothing below zero", |e| e.x = -0.0),
+        ("a place that is none", |e| e.y = f32::NAN),
+        ("a row outside", |e| e.y = 1e20),
+        ("a large magnitude", |e| e.magnitude = 256.0),
+        ("a negative magnitude", |e| e.magnitude = -1.0),
+        ("a fine magnitude", |e| e.magnitude = 1.0 / 512.0),
+        ("an orientation beyond", |e| e.orientation = 4.0),
+        ("minus pi", |e| e.orientation = -std::f32::consts::PI),
+        ("a fine orientation", |e| e.orientation = 1e-6),
+    ];
+    for (what, change) in changes {
+        let mut edges = good.clone();
+        let at = random.below(edges.len());
+        change(&mut edges[at]);
+        assert!(round_trip(&edges, what) > short, "{what}");
+    }
+    let mut swapped = good.clone();
+    swapped.swap(3, 4);
+    assert!(round_trip(&swapped, "another order") > short);
+    let mut doubled = good.clone();
+    doubled.insert(4, good[3]);
+    assert!(round_trip(&doubled, "two of one pixel") > short);
+}
+
+#[test]
+fn edges_recorded_as_a_cloud_of_points_are_read() {
+    let mut random = Random(15);
+    let topic = &topic_of(Kind::Edges);
+    let message = sample::<Edges>(&mut random, topic, Size::new(9, 8), true);
+    let mut fields: Vec<_> = ["x", "y", "z", "magnitude", "orientation"]
+        .into_iter()
+        .zip([0, 4, 8, 8, 12])
+        .map(|(name, offset)| (name.to_owned(), offset, 7))
+        .collect();
+    fields.extend((0..8).map(|i| (format!("profile_{i}"), 16 + i, 1)));
+    let cloud = fg::PointCloud {
+        pose: Some(fg::Pose::default()),
+        frame_id: "left_pixels".to_owned(),
+        point_stride: 24,
+        fields: fields
+            .into_iter()
+            .map(|(name, offset, r#type)| fg::PackedElementField {
+                name,
+                offset,
+                r#type,
+            })
+            .collect(),
+        data: bytemuck::cast_slice(message.view().edges).to_vec().into(),
+        ..fg::PointCloud::default()
+    };
+    let mut bytes = Vec::new();
+    foxglove::Encode::encode(&cloud, &mut bytes).unwrap();
+    // Two fields of ours: the image's width and height.
+    for (field, value) in [(1000u32, 9u32), (1001, 8)] {
+        let key = field << 3 | 5;
+        bytes.extend([key as u8 | 0x80, (key >> 7) as u8]);
+        bytes.extend(value.to_le_bytes());
+    }
+    let back = codec().decode::<Edges>(topic, 7, NANOS, &bytes, &alone);
+    assert_eq!(back.as_ref().unwrap().header.size(), Size::new(9, 8));
+    assert_same(back, &message, "a cloud");
 }
 
 #[test]
 fn what_differs_by_one_bit_from_what_another_message_says_is_said_in_full() {
     let mut random = Random(10);
-    let (edges, curves, tables) = related(&mut random, Size::new(20, 10));
-    let assert_lossless = |curves: &Owned<Curves>, tables: &Owned<Tables>, what: &str| {
-        let (bytes, read_curves, read_tables) = through(&edges, curves, tables);
-        assert!(
-            Curves::bytes(read_curves.unwrap().view()) == Curves::bytes(curves.view()),
-            "{what}"
-        );
-        assert!(
-            Tables::bytes(read_tables.unwrap().view()) == Tables::bytes(tables.view()),
-            "{what}"
-        );
-        bytes.map(|bytes| bytes.len())
+    let as_made = related(&mut random, Size::new(20, 10));
+    let short = assert_lossless(&as_made, true, "as made");
+    let [.., curves, tables, matches] = [0, 1, 2, 3, 4];
+    let check = |related: &Related, which: usize, what: &str| {
+        let long = assert_lossless(related, true, what);
+        assert!(long[which] > short[which], "{what}: {long:?}, {short:?}");
+        long
     };
-    let short = assert_lossless(&curves, &tables, "as made");
 
-    let moved = edited(&curves, |room| room.points[3].magnitude = -0.0);
-    assert!(assert_lossless(&moved, &tables, "a point that is no edge")[1] > short[1]);
+    let mut other = as_made.clone();
+    other.edges = edited(&as_made.edges, |room| room.edges[3].profile[5] ^= 1);
+    check(&other, 1, "a gray level that is not the image's");
 
-    let change = |change: &dyn Fn(&mut Entry)| edited(&tables, |room| change(&mut room.entries[5]));
-    for tables in [
-        change(&|e| e.rx += 1e-3),
-        change(&|e| e.orientation = f32::NAN),
-        change(&|e| e.point = 0),
-    ] {
-        assert!(assert_lossless(&curves, &tables, "an entry of its own")[2] > short[2]);
-    }
-    let weighed = change(&|e| e.weight = 0.25);
-    let entries = tables.view().entries.len();
-    assert_eq!(
-        assert_lossless(&curves, &weighed, "a weight")[2] - short[2],
-        4 * entries + 3
+    let of_curves = |edit: &dyn Fn(&mut CurvesRoom<'_>)| Related {
+        curves: edited(&as_made.curves, |room| edit(room)),
+        ..as_made.clone()
+    };
+    check(
+        &of_curves(&|room| room.points[3].magnitude = -0.0),
+        curves,
+        "a point that is no edge",
+    );
+    check(
+        &of_curves(&|room| room.curves[1].label = 7),
+        curves,
+        "another label",
+    );
+    check(
+        &of_curves(&|room| room.curves[1].count -= 1),
+        curves,
+        "a gap",
+    );
+    let of_many = as_made.curves.view();
+    let of_many = of_many.curves.iter().find(|c| c.count > 1).unwrap();
+    let (first, last) = (
+        of_many.first as usize,
+        as_made.curves.view().points.len() - 1,
+    );
+    check(
+        &of_curves(&|room| room.points.swap(first, last)),
+        curves,
+        "a step too far",
     );
 
-    let unordered = edited(&tables, |room| room.order.swap(0, 1));
-    assert!(assert_lossless(&curves, &unordered, "another order")[2] > short[2]);
-    let later = edited(&tables, |room| {
-        room.tables[1].first += 1;
-        room.tables[1].count -= 1;
-    });
-    assert!(assert_lossless(&curves, &later, "a table that leaves an entry out")[2] > short[2]);
+    let of_entry = |change: &dyn Fn(&mut Entry)| Related {
+        tables: edited(&as_made.tables, |room| change(&mut room.entries[5])),
+        ..as_made.clone()
+    };
+    for other in [
+        of_entry(&|e| e.rx += 1e-3),
+        of_entry(&|e| e.orientation = f32::NAN),
+        of_entry(&|e| e.point = 0),
+    ] {
+        check(&other, tables, "an entry of its own");
+    }
+    let weighed = Related {
+        tables: edited(&as_made.tables, |room| {
+            room.entries[0].weight = 0.25;
+            let first = room.tables[0].count as usize;
+            room.tables[0].weight = room.entries[..first].iter().map(|e| e.weight).sum();
+        }),
+        ..as_made.clone()
+    };
+    let entries = as_made.tables.view().entries.len();
+    let long = check(&weighed, tables, "a weight");
+    assert_eq!(long[tables] - short[tables], 4 * entries + 3);
+
+    let of_tables = |edit: &dyn Fn(&mut TablesRoom<'_>)| Related {
+        tables: edited(&as_made.tables, |room| edit(room)),
+        ..as_made.clone()
+    };
+    check(
+        &of_tables(&|room| room.order.swap(0, 1)),
+        tables,
+        "another order",
+    );
+    check(
+        &of_tables(&|room| room.tables[0].weight = -1.0),
+        tables,
+        "another sum",
+    );
+    check(
+        &of_tables(&|room| room.rows.truncate(4)),
+        tables,
+        "fewer rows",
+    );
+    let wide = as_made
+        .tables
+        .view()
+        .tables
+        .iter()
+        .position(|t| t.count > 1)
+        .unwrap();
+    check(
+        &of_tables(&|room| {
+            room.tables[wide].first += 1;
+            room.tables[wide].count -= 1;
+        }),
+        tables,
+        "a table that leaves an entry out",
+    );
+    check(
+        &of_tables(&|room| room.tables.truncate(3)),
+        tables,
+        "curves without tables",
+    );
+
+    let of_matches = |edit: &dyn Fn(&mut MatchesRoom<'_>)| Related {
+        matches: edited(&as_made.matches, |room| edit(room)),
+        ..as_made.clone()
+    };
+    check(
+        &of_matches(&|room| room.points[9].x += 1.0),
+        matches,
+        "a place of its own",
+    );
+    check(
+        &of_matches(&|room| room.points[9].filled = 2),
+        matches,
+        "filled otherwise",
+    );
+    check(
+        &of_matches(&|room| room.points.swap(1, 2)),
+        matches,
+        "points in another order",
+    );
+    check(
+        &of_matches(&|room| room.points[9].point = NONE),
+        matches,
+        "no point of a curve",
+    );
 }
 
 /// A message that differs a little from this one.
@@ -490,7 +738,10 @@ fn edited<M: Sample>(message: &Owned<M>, edit: impl FnOnce(&mut M::Room<'_>)) ->
         M::copy(message.view(), room);
         edit(room);
     });
-    edited.header = message.header;
+    edited.header = Header {
+        lens: edited.header.lens,
+        ..message.header
+    };
     edited
 }
 
@@ -515,39 +766,100 @@ fn matches_recorded_before_there_were_reasons_read_as_none_rejected() {
 #[test]
 fn references_into_damaged_or_missing_messages_are_told() {
     let mut random = Random(11);
-    let (edges, curves, tables) = related(&mut random, Size::new(12, 9));
-    let (bytes, ..) = through(&edges, &curves, &tables);
-    let [edges, curves, tables] = &bytes;
-    let topic = |kind| Topic::of(&rig(), kind).swap_remove(0);
-    let read = |edges: Option<&[u8]>, curves: Option<&[u8]>, tables: &[u8]| {
-        let others = |kind| {
-            let bytes = if kind == Kind::Edges { edges } else { curves };
-            bytes.map(Said::Recorded)
-        };
-        let tables = codec().decode::<Tables>(&topic(Kind::Tables), 0, 0, tables, &others);
-        let curves = curves.map(|curves| {
-            codec()
-                .decode::<Curves>(&topic(Kind::Curves), 0, 0, curves, &others)
-                .err()
-        });
-        (curves.flatten(), tables.err())
+    let bytes = through(&related(&mut random, Size::new(12, 9)), true);
+    let errors = |bytes: &Encoded, without: &[Kind]| {
+        [
+            read::<Edges>(bytes, without).err(),
+            read::<Curves>(bytes, without).err(),
+            read::<Tables>(bytes, without).err(),
+            read::<Matches>(bytes, without).err(),
+        ]
     };
-    assert_eq!(read(Some(edges), Some(curves), tables), (None, None));
-    let alone = Some(DecodeError::Alone(Kind::Edges));
-    assert_eq!(read(None, Some(curves), tables), (alone.clone(), alone));
+    let alone = |kind| Some(DecodeError::Alone(kind));
+    assert_eq!(errors(&bytes, &[]), [const { None }; 4]);
+    // Tables and matches need places alone, and these do not follow from an image.
+    let no_image = [alone(Kind::Image), alone(Kind::Image), None, None];
+    assert_eq!(errors(&bytes, &[Kind::Image]), no_image);
+    let no_edges = [
+        None,
+        alone(Kind::Edges),
+        alone(Kind::Edges),
+        alone(Kind::Edges),
+    ];
+    assert_eq!(errors(&bytes, &[Kind::Edges]), no_edges);
+    let no_curves = [None, None, alone(Kind::Curves), alone(Kind::Curves)];
+    assert_eq!(errors(&bytes, &[Kind::Curves]), no_curves);
+    let mut small = bytes.clone();
+    let [image, ..] = through(&related(&mut random, Size::new(11, 9)), true);
+    small[0] = image;
     assert_eq!(
-        read(Some(edges), None, tables).1,
-        Some(DecodeError::Alone(Kind::Curves))
+        errors(&small, &[])[0],
+        Some(DecodeError::Layout("image size"))
     );
-    for _ in 0..600 {
+    for _ in 0..3000 {
         let mut bad = bytes.clone();
-        let which = &mut bad[random.below(3)];
-        let at = random.below(which.len());
-        which[at] ^= 1 << random.below(8);
-        // Whatever comes of it, it comes without a panic.
-        let [edges, curves, tables] = &bad;
-        read(Some(edges), Some(curves), tables);
+        for _ in 0..=random.below(3) {
+            let which = &mut bad[random.below(5)];
+            // The head is where it hurts most, and what is cut or longer says so.
+            match random.below(6) {
+                0 => which.truncate(random.below(which.len() + 1)),
+                1 => which.extend((0..random.below(9)).map(|_| random.bits() as u8)),
+                2 if !which.is_empty() => {
+                    let at = random.below(which.len().min(60));
+                    which[at] = random.bits() as u8;
+                }
+                _ if !which.is_empty() => {
+                    let at = random.below(which.len());
+                    which[at] ^= 1 << random.below(8);
+                }
+                _ => {}
+            }
+        }
+        // Whatever comes of it, it comes without a panic, and what is read is sound.
+        if let Ok(tables) = read::<Tables>(&bad, &[]) {
+            assert!(Tables::is_sound(tables.view()));
+        }
+        errors(&bad, &[]);
     }
+}
+
+#[test]
+fn counts_that_lie_are_told_and_take_no_memory() {
+    let bytes = through(&related(&mut Random(13), Size::new(12, 9)), true);
+    // A field of packed varints that says the largest number there is, over and over.
+    let bomb = |field: u8| {
+        let mut packed: Vec<u8> = Vec::new();
+        for _ in 0..50 {
+            packed.extend([0xff; 9]);
+            packed.push(1);
+        }
+        let mut bytes = vec![
+            field << 3 | 2,
+            packed.len() as u8 | 0x80,
+            (packed.len() >> 7) as u8,
+        ];
+        bytes.extend(packed);
+        bytes
+    };
+    // The last of several fields of a number counts: counts, gaps; counts, parents, starts; gaps.
+    let told = |which: usize, field: u8| {
+        let mut bad = bytes.clone();
+        bad[which].extend(bomb(field));
+        let errors = [
+            read::<Edges>(&bad, &[]).err(),
+            read::<Curves>(&bad, &[]).err(),
+            read::<Tables>(&bad, &[]).err(),
+            read::<Matches>(&bad, &[]).err(),
+        ];
+        assert!(errors[which - 1].is_some(), "{which}, {field}");
+        assert!(
+            !errors.contains(&Some(DecodeError::Malformed)),
+            "{errors:?}"
+        );
+    };
+    [5, 6].into_iter().for_each(|field| told(1, field));
+    [8, 9, 14].into_iter().for_each(|field| told(2, field));
+    told(4, 8);
 }
 
 /// Whatever the bytes, decoding gives a message or an error; it never panics or takes more room than the rig's.
@@ -698,29 +1010,6 @@ fn foxglove_reads_images_and_clouds() {
     );
     assert_eq!(image.data, message.view().pixels);
 
-    let topic = &Topic::of(&rig(), Kind::Edges)[0];
-    let mut message = sample::<Edges>(&mut random, topic, size, true);
-    message.header.capture_nanos = NANOS;
-    let cloud = fg::PointCloud::decode(&*encoded(topic, &message)).unwrap();
-    assert_eq!(
-        (cloud.point_stride, &*cloud.frame_id, stamp(cloud.timestamp)),
-        (24, "left_pixels", STAMP)
-    );
-    assert_eq!(cloud.pose.unwrap().orientation.unwrap().w, 1.0);
-    let names: Vec<_> = cloud.fields.iter().map(|f| (&*f.name, f.offset)).collect();
-    assert_eq!(
-        names[..5],
-        [
-            ("x", 0),
-            ("y", 4),
-            ("z", 8),
-            ("magnitude", 8),
-            ("orientation", 12)
-        ]
-    );
-    assert_eq!(names.last(), Some(&("profile_7", 23)));
-    assert_eq!(cloud.data.len(), 24 * size.pixels());
-
     let topic = &Topic::of(&rig(), Kind::Points)[0];
     let message = sample::<Points>(&mut random, topic, size, true);
     let cloud = fg::PointCloud::decode(&*encoded(topic, &message)).unwrap();
@@ -728,6 +1017,7 @@ fn foxglove_reads_images_and_clouds() {
         (cloud.point_stride, &*cloud.frame_id, cloud.fields.len()),
         (36, "centre_optical", 9)
     );
+    assert_eq!(cloud.pose.unwrap().orientation.unwrap().w, 1.0);
 
     let topic = &Topic::of(&rig(), Kind::Disparity)[0];
     let message = sample::<Disparity>(&mut random, topic, size, true);

@@ -4,14 +4,23 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use messages::record::{Codec, Recorded, Said};
+use messages::record::{Beside, Codec, Recorded, Said};
 use messages::{
-    Curves, Disparity, Edges, Evaluation, Growing, Image, Kind, Map, Matches, Points, Rail, Raw,
+    Curves, Disparity, Edges, Evaluation, Growing, Header, Image, ImageView, Kind, Map, Matches, Points, Rail, Raw,
     Rig, Size, Stage, Tables, Topic, Truth,
 };
 
 fn decode<M: Recorded>(codec: &Codec, topic: &Topic, bytes: &[u8], beside: &[u8]) {
-    let others = |_: Kind| (!beside.is_empty()).then_some(Said::Recorded(beside));
+    // An image is there as it should be; what else is referred to is as strange as the message.
+    let (rig, mut image) = (codec.rig(), Vec::new());
+    let (pixels, header) = (vec![9; rig.size.pixels()], Header::new(1, 1, rig.size));
+    let view = ImageView { pixels: &pixels }.into();
+    let of = Topic::of(rig, Kind::Image).swap_remove(0);
+    codec.clone().encode(&of, &header, view, Beside::default(), &mut image);
+    let others = |kind: Kind| match kind {
+        Kind::Image => Some(Said::Recorded(&image)),
+        _ => (!beside.is_empty()).then_some(Said::Recorded(beside)),
+    };
     if let Ok(message) = codec.decode::<M>(topic, 1, 1, bytes, &others) {
         assert!(M::is_sound(message.view()));
     }

@@ -4,18 +4,25 @@ use bytemuck::Pod;
 use thiserror::Error;
 
 use super::Codec;
-use super::refer::{Finder, entries_follow, entry_of, order, order_follows};
+use super::along;
+use super::edges::{self, Columns};
+use super::refer::{
+    entries_follow, entry_of, order, order_follows, rows, rows_follow, sorted_entries,
+    tables_follow,
+};
 use super::row::{Column, Row};
 use super::schema::{CLOUD_HEIGHT, CLOUD_WIDTH};
+use super::walks::{Heads, Walker, are_plain, write_heads};
 use super::whole::Whole;
 use super::wire::{Fields, Fill, Value, varint_len};
 use crate::header::{Header, NONE, Size};
 use crate::payload::{
-    AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edge, Edges, EdgesRoom,
-    EdgesView, Entry, Evaluation, EvaluationRoom, Growing, GrowingRoom, Image, ImageRoom, List,
-    Map, MapRoom, Matches, MatchesRoom, MatchesView, Message, Owned, Points, PointsRoom, Raw,
-    RawRoom, Tables, TablesRoom, TablesView, Truth, TruthRoom,
+    AnyView, Curve, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edge, Edges,
+    EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom, Growing, GrowingRoom, Image,
+    ImageRoom, ImageView, List, Map, MapRoom, Matches, MatchesRoom, MatchesView, Message, Owned,
+    Points, PointsRoom, Raw, RawRoom, Tables, TablesRoom, TablesView, Truth, TruthRoom,
 };
+use crate::profile::Steady;
 use crate::rig::Rail;
 use crate::topic::{Kind, Topic};
 
@@ -41,7 +48,7 @@ pub enum DecodeError {
     #[error("the message is damaged: its indices point outside of it")]
     Unsound,
     /// It refers to another message of its scan, which is not there.
-    #[error("the message refers to the {} of its scan, which are not there", .0.name())]
+    #[error("the message is not whole without the {} of its scan, which the recording lacks", .0.name())]
     Alone(Kind),
 }
 
@@ -66,7 +73,6 @@ impl Codec {
         out: &mut Vec<u8>,
     ) {
         let frame = match (topic.kind, self.rig.views.get(topic.view as usize)) {
-            (Kind::Edges, _) => &self.pixel_frames[topic.view as usize],
             (Kind::Map | Kind::Growing, _) => Rail::FRAME,
             (_, Some(_)) => &self.optical_frames[topic.view as usize],
             (_, None) => &self.optical_frames[self.reference],
@@ -79,12 +85,19 @@ impl Codec {
         match view {
             AnyView::Image(image) => raw_image(&head, "mono8", image.pixels, out),
             AnyView::Raw(image) => raw_image(&head, "mono8", image.pixels, out),
-            AnyView::Edges(edges) => cloud(&head, edges.edges, out),
-            AnyView::Curves(curves) => {
-                curves_message(&head, curves, beside.edges, &mut self.finder, out);
+            AnyView::Edges(edges) => {
+                edges_message(&head, edges, beside.image, &mut self.columns, out);
             }
-            AnyView::Tables(tables) => tables_message(&head, tables, beside.curves, out),
-            AnyView::Matches(matches) => matches_message(&head, matches, out),
+            AnyView::Curves(curves) => {
+                let scratch = (&mut self.walker, &mut self.scratch);
+                curves_message(&head, curves, beside.edges, scratch, out);
+            }
+            AnyView::Tables(tables) => {
+                tables_message(&head, tables, beside.curves, &mut self.places, out);
+            }
+            AnyView::Matches(matches) => {
+                matches_message(&head, matches, beside.curves, &mut self.scratch, out);
+            }
             AnyView::Disparity(picture) => raw_image(&head, "32FC1", picture.disparity, out),
             AnyView::Points(points) => cloud(&head, points.points, out),
             AnyView::Map(map) => cloud(&head, map.points, out),
@@ -175,9 +188,11 @@ impl Codec {
 /// Messages of one scan, view and channel that another one may refer to.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Beside<'a> {
+    /// The view's image, for edges.
+    pub image: Option<ImageView<'a>>,
     /// The edges, for curves.
     pub edges: Option<EdgesView<'a>>,
-    /// The curves, for R-tables.
+    /// The curves, for R-tables; for matches those of the reference view.
     pub curves: Option<CurvesView<'a>>,
 }
 
@@ -242,6 +257,18 @@ fn read_raw_image<T: Pod>(
     encoding: &str,
     pixels: &mut List<'_, T>,
 ) -> Result<Size, DecodeError> {
+    let (size, data) = raw_pixels::<T>(bytes, most, encoding)?;
+    pixels.clear();
+    append(data, pixels)?;
+    Ok(size)
+}
+
+/// The memory of an image's pixels, and their size.
+fn raw_pixels<'a, T: Pod>(
+    bytes: &'a [u8],
+    most: Size,
+    encoding: &str,
+) -> Result<(Size, &'a [u8]), DecodeError> {
     let mut size = Size::default();
     let (mut step, mut said, mut data) = (0, &[][..], &[][..]);
     for field in Fields::new(bytes) {
@@ -264,9 +291,7 @@ fn read_raw_image<T: Pod>(
     if data.len() != size.pixels() * size_of::<T>() {
         return Err(DecodeError::Layout("number of pixels"));
     }
-    pixels.clear();
-    append(data, pixels)?;
-    Ok(size)
+    Ok((size, data))
 }
 
 impl Recorded for Image {
@@ -375,14 +400,101 @@ impl Recorded for Edges {
     fn read<'a>(
         bytes: &'a [u8],
         most: Size,
-        _: Others<'_, 'a>,
+        beside: Others<'_, 'a>,
         room: &mut EdgesRoom<'_>,
     ) -> Result<Size, DecodeError> {
-        read_cloud(bytes, most, &mut room.edges)
+        room.clear();
+        let recorded = RecordedEdges::of(bytes, most)?;
+        let slots = room.edges.grow(recorded.len());
+        recorded.read(beside, slots)?;
+        Ok(recorded.size)
     }
 
     fn is_sound(_: Self::View<'_>) -> bool {
         true
+    }
+}
+
+/// Edges as they were recorded: as columns, or as the memory they are.
+enum EdgesAs<'a> {
+    Columns(edges::Read<'a>),
+    Memory(Packed<'a>),
+}
+
+/// A message of edges, as far as read.
+struct RecordedEdges<'a> {
+    size: Size,
+    edges: EdgesAs<'a>,
+}
+
+impl<'a> RecordedEdges<'a> {
+    fn of(bytes: &'a [u8], most: Size) -> Result<Self, DecodeError> {
+        // Edges were clouds of points once, whose third field is a pose; ours is a width.
+        let is_cloud =
+            |field: Result<(u32, Value<'_>), _>| matches!(field, Ok((3, Value::Bytes(_))));
+        if Fields::new(bytes).any(is_cloud) {
+            let (packed, size) = Packed::of_cloud::<Edge>(bytes)?;
+            check_size(size, most)?;
+            let edges = EdgesAs::Memory(packed);
+            return Ok(Self { size, edges });
+        }
+        let mut columns = edges::Read::default();
+        let mut memory = None;
+        let size = read_own(bytes, most, |number, value| {
+            match value {
+                Value::Bytes(bytes) if number == edges::AS_THEY_ARE => {
+                    memory = Some(Packed::read::<Edge>(bytes)?);
+                }
+                Value::Bytes(bytes) => drop(columns.field(number, bytes)),
+                _ => {}
+            }
+            Ok(())
+        })?;
+        let edges = match memory {
+            Some(packed) => EdgesAs::Memory(packed),
+            None => EdgesAs::Columns(columns),
+        };
+        Ok(Self { size, edges })
+    }
+
+    fn len(&self) -> usize {
+        match &self.edges {
+            EdgesAs::Columns(columns) => columns.len(),
+            EdgesAs::Memory(packed) => packed.data.len() / size_of::<Edge>(),
+        }
+    }
+
+    /// Reads all edges, or says that there is no room for them.
+    fn read(&self, beside: Others<'_, 'a>, slots: &mut [Edge]) -> Result<(), DecodeError> {
+        self.read_without_profiles(slots)?;
+        if let EdgesAs::Columns(columns) = &self.edges
+            && columns.lacks_profiles()
+        {
+            let image = recorded(Kind::Image, beside)?;
+            let (size, pixels) = raw_pixels::<u8>(image, self.size, "mono8")?;
+            if size != self.size {
+                return Err(DecodeError::Layout("image size"));
+            }
+            let mut steady = Steady::new(size);
+            steady.take(pixels, size);
+            steady.fill(slots);
+        }
+        Ok(())
+    }
+
+    /// The same; what follows from the image is left out.
+    fn read_without_profiles(&self, slots: &mut [Edge]) -> Result<(), DecodeError> {
+        if slots.len() < self.len() {
+            return Err(DecodeError::TooMany);
+        }
+        match &self.edges {
+            EdgesAs::Columns(columns) => columns.build(self.size, slots),
+            EdgesAs::Memory(packed) => {
+                let memory: &mut [u8] = bytemuck::cast_slice_mut(slots);
+                memory.copy_from_slice(packed.data);
+                Ok(())
+            }
+        }
     }
 }
 
@@ -417,60 +529,101 @@ fn own_head(head: &Head<'_>, out: &mut Vec<u8>) {
     fill.fixed32(4, head.size.height);
 }
 
+fn edges_message(
+    head: &Head<'_>,
+    view: EdgesView<'_>,
+    image: Option<ImageView<'_>>,
+    columns: &mut Columns,
+    out: &mut Vec<u8>,
+) {
+    own_head(head, out);
+    let pixels = image.map(|image| image.pixels);
+    if !columns.write(view.edges, head.size, pixels, out) {
+        packed(edges::AS_THEY_ARE, view.edges, out);
+    }
+}
+
 fn curves_message(
     head: &Head<'_>,
     view: CurvesView<'_>,
     edges: Option<EdgesView<'_>>,
-    finder: &mut Finder,
+    (walker, scratch): (&mut Walker, &mut Vec<u32>),
     out: &mut Vec<u8>,
 ) {
     own_head(head, out);
-    messages(5, view.curves, out);
-    let start = out.len();
-    Fill(out).open(7, size_of::<u32>() * view.points.len());
-    if !edges.is_some_and(|edges| finder.refer(view.points, edges.edges, head.size, out)) {
-        out.truncate(start);
-        packed(6, view.points, out);
+    let CurvesView { curves, points } = view;
+    if !are_plain(curves, points.len()) {
+        messages(5, curves, out);
+        return packed(6, points, out);
+    }
+    write_heads(curves, scratch, out);
+    let follow = |edges: EdgesView<'_>| walker.write(curves, points, edges.edges, head.size, out);
+    if !edges.is_some_and(follow) {
+        packed(6, points, out);
     }
 }
+
+/// What of R-tables follows from curves is said by a field of this number, which is 1 then.
+const TABLES_FOLLOW: u32 = 11;
+/// The same of the index by rows.
+const ROWS_FOLLOW: u32 = 12;
 
 fn tables_message(
     head: &Head<'_>,
     view: TablesView<'_>,
     curves: Option<CurvesView<'_>>,
+    places: &mut Vec<u64>,
     out: &mut Vec<u8>,
 ) {
     own_head(head, out);
-    messages(5, view.tables, out);
-    if curves.is_some_and(|curves| entries_follow(view, curves)) {
-        let mut fill = Fill(out);
-        fill.open(9, size_of::<u32>() * view.entries.len());
-        for entry in view.entries {
-            fill.0.extend_from_slice(&entry.point.to_le_bytes());
-        }
-        if view
-            .entries
-            .iter()
-            .any(|entry| entry.weight.to_bits() != 1f32.to_bits())
-        {
+    let weights = |out: &mut Vec<u8>| {
+        let is_one = |entry: &Entry| entry.weight.to_bits() == 1f32.to_bits();
+        if !view.entries.iter().all(is_one) {
+            let mut fill = Fill(out);
             fill.open(10, size_of::<f32>() * view.entries.len());
             for entry in view.entries {
                 fill.0.extend_from_slice(&entry.weight.to_le_bytes());
             }
         }
+    };
+    if curves.is_some_and(|curves| tables_follow(view, curves)) {
+        Fill(out).varint(TABLES_FOLLOW, 1);
+        weights(out);
     } else {
-        packed(6, view.entries, out);
+        messages(5, view.tables, out);
+        if curves.is_some_and(|curves| entries_follow(view, curves)) {
+            let mut fill = Fill(out);
+            fill.open(9, size_of::<u32>() * view.entries.len());
+            for entry in view.entries {
+                fill.0.extend_from_slice(&entry.point.to_le_bytes());
+            }
+            weights(out);
+        } else {
+            packed(6, view.entries, out);
+        }
+    }
+    let order_follows = curves.is_some_and(|curves| order_follows(view, curves.points, places));
+    if order_follows && rows_follow(view, head.size) {
+        return Fill(out).varint(ROWS_FOLLOW, 1);
     }
     Fill(out).bytes(7, bytemuck::cast_slice(view.rows));
-    if !curves.is_some_and(|curves| order_follows(view, curves.points)) {
+    if !order_follows {
         Fill(out).bytes(8, bytemuck::cast_slice(view.order));
     }
 }
 
-fn matches_message(head: &Head<'_>, view: MatchesView<'_>, out: &mut Vec<u8>) {
+fn matches_message(
+    head: &Head<'_>,
+    view: MatchesView<'_>,
+    curves: Option<CurvesView<'_>>,
+    scratch: &mut Vec<u32>,
+    out: &mut Vec<u8>,
+) {
     own_head(head, out);
     messages(5, view.matches, out);
-    packed(6, view.points, out);
+    if !curves.is_some_and(|curves| along::write(view.points, curves.points, scratch, out)) {
+        packed(6, view.points, out);
+    }
     messages(7, view.rejected, out);
 }
 
@@ -482,24 +635,30 @@ impl Recorded for Curves {
         room: &mut CurvesRoom<'_>,
     ) -> Result<Size, DecodeError> {
         room.clear();
-        let size = read_own(bytes, most, |number, value| match number {
-            5 => read_message(value.bytes()?, &mut room.curves),
-            _ => Ok(()),
+        let recorded = RecordedCurves::of(bytes, most)?;
+        let curves = &mut room.curves;
+        recorded.curves(|curve| {
+            curves.push(curve);
+            within(curves.refused())
         })?;
         let points = &mut room.points;
-        curve_points(bytes, beside, |more| {
+        recorded.points(true, beside, |more| {
             points.extend_from_slice(more);
-            if points.refused() > 0 {
-                Err(DecodeError::TooMany)
-            } else {
-                Ok(())
-            }
+            within(points.refused())
         })?;
-        Ok(size)
+        Ok(recorded.size)
     }
 
     fn is_sound(view: Self::View<'_>) -> bool {
         view.is_sound()
+    }
+}
+
+/// Whether nothing was refused.
+fn within(refused: usize) -> Result<(), DecodeError> {
+    match refused {
+        0 => Ok(()),
+        _ => Err(DecodeError::TooMany),
     }
 }
 
@@ -511,30 +670,129 @@ fn recorded<'a>(kind: Kind, beside: Others<'_, 'a>) -> Result<&'a [u8], DecodeEr
     }
 }
 
-/// The points of a message of curves, one after the other, whether they stand in it or in the edges beside it.
-fn curve_points<'a>(
+/// The points of curves as they were recorded.
+#[derive(Default)]
+enum PointsAs<'a> {
+    /// Walks from pixel to pixel, or none.
+    #[default]
+    Walks,
+    /// As the memory they are.
+    Memory(Packed<'a>),
+    /// As indices of edges, which they were once.
+    Indices(&'a [u8]),
+}
+
+/// A message of curves, as far as read.
+struct RecordedCurves<'a> {
     bytes: &'a [u8],
-    beside: Others<'_, 'a>,
-    mut take: impl FnMut(&[Edge]) -> Result<(), DecodeError>,
-) -> Result<(), DecodeError> {
-    for field in Fields::new(bytes) {
-        match field? {
-            (6, value) => {
-                let packed = Packed::read::<Edge>(value.bytes()?)?;
-                (0..)
-                    .map_while(|index| packed.row(index))
-                    .try_for_each(|edge| take(&[edge]))?;
+    size: Size,
+    heads: Heads<'a>,
+    points: PointsAs<'a>,
+}
+
+impl<'a> RecordedCurves<'a> {
+    fn of(bytes: &'a [u8], most: Size) -> Result<Self, DecodeError> {
+        let mut heads = Heads::default();
+        let mut points = PointsAs::default();
+        let size = read_own(bytes, most, |number, value| {
+            match (number, value) {
+                (6, value) => points = PointsAs::Memory(Packed::read::<Edge>(value.bytes()?)?),
+                (7, value) => points = PointsAs::Indices(value.bytes()?),
+                (_, Value::Bytes(bytes)) => drop(heads.field(number, bytes)),
+                _ => {}
             }
-            (7, value) => {
-                let edges = Packed::of_cloud::<Edge>(recorded(Kind::Edges, beside)?)?.0;
-                for index in words(value.bytes()?)? {
-                    take(&[edges.row(index as usize).ok_or(DecodeError::Unsound)?])?;
-                }
+            Ok(())
+        })?;
+        Ok(Self {
+            bytes,
+            size,
+            heads,
+            points,
+        })
+    }
+
+    /// Hands out the curves, whether they are columns or messages of their own.
+    fn curves(
+        &self,
+        mut take: impl FnMut(Curve) -> Result<(), DecodeError>,
+    ) -> Result<(), DecodeError> {
+        for field in Fields::new(self.bytes) {
+            if let (5, value) = field? {
+                take(row_of_message(value.bytes()?)?)?;
             }
-            _ => {}
+        }
+        self.heads.curves(take)
+    }
+
+    /// Hands out the points, one after the other; what follows from the image is in them where `profiles` are wanted.
+    fn points(
+        &self,
+        profiles: bool,
+        beside: Others<'_, 'a>,
+        mut take: impl FnMut(&[Edge]) -> Result<(), DecodeError>,
+    ) -> Result<(), DecodeError> {
+        let edges = || {
+            let edges = RecordedEdges::of(recorded(Kind::Edges, beside)?, self.size)?;
+            if edges.len() > self.size.pixels() {
+                return Err(DecodeError::TooMany);
+            }
+            let mut slots = vec![Edge::default(); edges.len()];
+            match profiles {
+                true => edges.read(beside, &mut slots)?,
+                false => edges.read_without_profiles(&mut slots)?,
+            }
+            Ok(slots)
+        };
+        match &self.points {
+            PointsAs::Walks if !self.heads.walks() => Ok(()),
+            PointsAs::Walks => self.heads.points(&edges()?, self.size, take),
+            PointsAs::Memory(packed) => (0..)
+                .map_while(|index| packed.row(index))
+                .try_for_each(|edge| take(&[edge])),
+            PointsAs::Indices(indices) => {
+                let edges = edges()?;
+                words(indices)?.try_for_each(|index| {
+                    take(&[*edges.get(index as usize).ok_or(DecodeError::Unsound)?])
+                })
+            }
         }
     }
-    Ok(())
+}
+
+/// Curves that a message refers to.
+enum CurvesBeside<'a> {
+    Read(CurvesView<'a>),
+    Recorded(Vec<Curve>, Vec<Edge>),
+}
+
+impl<'a> CurvesBeside<'a> {
+    /// Those beside a message; their points have no profiles.
+    fn of(most: Size, beside: Others<'_, 'a>) -> Result<Self, DecodeError> {
+        let bytes = match beside(Kind::Curves) {
+            Some(Said::Curves(curves)) => return Ok(Self::Read(curves)),
+            Some(Said::Recorded(bytes)) => bytes,
+            None => return Err(DecodeError::Alone(Kind::Curves)),
+        };
+        let [most_curves, most_points, ..] = Curves::capacities(most);
+        let recorded = RecordedCurves::of(bytes, most)?;
+        let (mut curves, mut points) = (Vec::new(), Vec::new());
+        recorded.curves(|curve| {
+            curves.push(curve);
+            within(curves.len().saturating_sub(most_curves))
+        })?;
+        recorded.points(false, beside, |more| {
+            points.extend_from_slice(more);
+            within(points.len().saturating_sub(most_points))
+        })?;
+        Ok(Self::Recorded(curves, points))
+    }
+
+    fn view(&self) -> CurvesView<'_> {
+        match self {
+            Self::Read(view) => *view,
+            Self::Recorded(curves, points) => CurvesView { curves, points },
+        }
+    }
 }
 
 /// The words of a packed field.
@@ -556,6 +814,7 @@ impl Recorded for Tables {
     ) -> Result<Size, DecodeError> {
         room.clear();
         let (mut points, mut weights, mut has_order) = (None, None, false);
+        let (mut tables_follow, mut rows_follow) = (false, false);
         let size = read_own(bytes, most, |number, value| match number {
             5 => read_message(value.bytes()?, &mut room.tables),
             6 => read_packed(value.bytes()?, &mut room.entries),
@@ -572,58 +831,61 @@ impl Recorded for Tables {
                 weights = Some(words(value.bytes()?)?);
                 Ok(())
             }
+            TABLES_FOLLOW => {
+                tables_follow = value == Value::Varint(1);
+                Ok(())
+            }
+            ROWS_FOLLOW => {
+                rows_follow = value == Value::Varint(1);
+                Ok(())
+            }
             _ => Ok(()),
         })?;
-        if points.is_none() && has_order {
+        if points.is_none() && !tables_follow && has_order {
             return Ok(size);
         }
-        let mut read = Vec::new();
-        let curve_points = match beside(Kind::Curves) {
-            Some(Said::Curves(curves)) => curves.points,
-            Some(Said::Recorded(curves)) => {
-                let most_points = room.order.capacity();
-                self::curve_points(curves, beside, |more| {
-                    read.extend_from_slice(more);
-                    if read.len() > most_points {
-                        Err(DecodeError::TooMany)
-                    } else {
-                        Ok(())
-                    }
-                })?;
-                &read
-            }
-            None => return Err(DecodeError::Alone(Kind::Curves)),
+        let curves = CurvesBeside::of(most, beside)?;
+        let curves = curves.view();
+        let mut next_weight = || match &mut weights {
+            Some(weights) => weights
+                .next()
+                .map(f32::from_bits)
+                .ok_or(DecodeError::Unsound),
+            None => Ok(1.0),
         };
-        if let Some(mut points) = points {
+        if tables_follow {
+            room.tables.clear();
+            room.entries.clear();
+            sorted_entries(curves, &mut next_weight, room)?;
+        } else if let Some(mut points) = points {
             for table in room.tables.iter() {
                 for point in points.by_ref().take(table.count as usize) {
-                    let weight = match &mut weights {
-                        Some(weights) => {
-                            f32::from_bits(weights.next().ok_or(DecodeError::Unsound)?)
-                        }
-                        None => 1.0,
-                    };
                     let given = Entry {
                         point,
-                        weight,
+                        weight: next_weight()?,
                         ..Entry::default()
                     };
-                    let point = curve_points
+                    let point = curves
+                        .points
                         .get(point as usize)
                         .ok_or(DecodeError::Unsound)?;
                     room.entries.push(entry_of(table.x, table.y, point, &given));
                 }
             }
-            if room.entries.refused() > 0 {
-                return Err(DecodeError::TooMany);
-            }
             if points.next().is_some() {
                 return Err(DecodeError::Unsound);
             }
         }
+        within(room.entries.refused() + room.tables.refused())?;
+        if rows_follow {
+            let rows = rows(curves.points, size).ok_or(DecodeError::Unsound)?;
+            room.rows.clear();
+            room.rows.extend_from_slice(&rows);
+            within(room.rows.refused())?;
+        }
         if !has_order {
             let mut by_row = Vec::new();
-            order(&room.rows, curve_points, &mut by_row).ok_or(DecodeError::Unsound)?;
+            order(&room.rows, curves.points, &mut by_row).ok_or(DecodeError::Unsound)?;
             append(bytemuck::cast_slice(&by_row), &mut room.order)?;
         }
         Ok(size)
@@ -639,16 +901,31 @@ impl Recorded for Matches {
     fn read<'a>(
         bytes: &'a [u8],
         most: Size,
-        _: Others<'_, 'a>,
+        beside: Others<'_, 'a>,
         room: &mut MatchesRoom<'_>,
     ) -> Result<Size, DecodeError> {
         room.clear();
-        read_own(bytes, most, |number, value| match number {
+        let mut columns = along::Read::default();
+        let size = read_own(bytes, most, |number, value| match number {
             5 => read_message(value.bytes()?, &mut room.matches),
             6 => read_packed(value.bytes()?, &mut room.points),
             7 => read_message(value.bytes()?, &mut room.rejected),
-            _ => Ok(()),
-        })
+            _ => {
+                if let Value::Bytes(bytes) = value {
+                    columns.field(number, bytes);
+                }
+                Ok(())
+            }
+        })?;
+        if columns.is_some() {
+            room.points.clear();
+            let curves = CurvesBeside::of(most, beside)?;
+            columns.points(curves.view().points, |point| {
+                room.points.push(point);
+                within(room.points.refused())
+            })?;
+        }
+        Ok(size)
     }
 
     fn is_sound(view: Self::View<'_>) -> bool {
@@ -723,6 +1000,11 @@ fn messages<T: Row>(field: u32, rows: &[T], out: &mut Vec<u8>) {
 }
 
 fn read_message<T: Row>(bytes: &[u8], rows: &mut List<'_, T>) -> Result<(), DecodeError> {
+    rows.push(row_of_message(bytes)?);
+    within(rows.refused())
+}
+
+fn row_of_message<T: Row>(bytes: &[u8]) -> Result<T, DecodeError> {
     let mut row = T::zeroed();
     let words: &mut [[u8; 4]] = bytemuck::cast_slice_mut(std::slice::from_mut(&mut row));
     for field in Fields::new(bytes) {
@@ -731,12 +1013,7 @@ fn read_message<T: Row>(bytes: &[u8], rows: &mut List<'_, T>) -> Result<(), Deco
             *word = value.fixed32()?.to_le_bytes();
         }
     }
-    rows.push(row);
-    if rows.refused() > 0 {
-        Err(DecodeError::TooMany)
-    } else {
-        Ok(())
-    }
+    Ok(row)
 }
 
 // ---- rows as packed memory ----

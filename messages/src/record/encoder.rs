@@ -184,17 +184,18 @@ impl Encoder {
         // So they say where the camera stood, when it is one that moves.
         let (position_m, sway) = (first.position_m, first.sway);
         // Only what is recorded too can be referred to.
-        let beside = |topic: &Topic| {
+        let beside = |codec: &Codec, topic: &Topic| {
             let of = |kind| {
-                let is_it = |c: &Channel| {
-                    matches!(&c.content, Content::Data(other) if other.kind == kind
-                        && (other.view, other.channel) == (topic.view, topic.channel))
-                };
-                let recorded = refers && channels.iter().any(is_it);
-                let found = find(kind, topic.view, topic.channel).filter(|_| recorded);
-                found.map(|(_, message)| *message)
+                let other = codec.beside(topic, kind).filter(|_| refers)?;
+                let is_it = |c: &Channel| matches!(&c.content, Content::Data(t) if t == other);
+                let found = find(kind, other.view, other.channel)?;
+                channels.iter().any(is_it).then_some(found.1)
             };
             Beside {
+                image: match of(Kind::Image) {
+                    Some(AnyView::Image(image)) => Some(image),
+                    _ => None,
+                },
                 edges: match of(Kind::Edges) {
                     Some(AnyView::Edges(edges)) => Some(edges),
                     _ => None,
@@ -287,7 +288,7 @@ impl Encoder {
                 }
                 Content::Data(topic) => {
                     if let Some((header, message)) = find(topic.kind, topic.view, topic.channel) {
-                        let beside = beside(topic);
+                        let beside = beside(codec, topic);
                         sink.add(index, |out| {
                             codec.encode(topic, header, *message, beside, out)
                         });

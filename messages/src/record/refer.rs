@@ -1,65 +1,19 @@
 //! What a message need not repeat, because another one of its scan says it already: a curve's points are edges, an
-//! R-table's entries are points of curves. Whoever writes a reference has made sure that it gives back every bit.
+//! R-table's entries and a match's points are points of curves. Whoever writes a reference has made sure that it gives back every bit.
 
+use super::DecodeError;
 use crate::header::Size;
-use crate::payload::{CurvesView, Edge, Entry, TablesView};
+use crate::payload::{Curve, CurvesView, Edge, Entry, Table, TablesRoom, TablesView};
+use crate::topic::Kind;
 
-/// Finds edges in a list in raster order; keeps its memory from list to list.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Finder {
-    /// Of every pixel an edge there. What earlier lists left does no harm: every find is compared.
-    by_pixel: Vec<u32>,
-}
-
-/// Edges of one pixel stand this near to each other in the list.
-const NEIGHBOURS: [i64; 5] = [0, -1, 1, -2, 2];
-
-impl Finder {
-    /// Appends of every point the index of the edge it is; false, when some point is no edge.
-    pub(super) fn refer(
-        &mut self,
-        points: &[Edge],
-        edges: &[Edge],
-        size: Size,
-        out: &mut Vec<u8>,
-    ) -> bool {
-        if self.by_pixel.len() < size.pixels() {
-            self.by_pixel.resize(size.pixels(), 0);
-        }
-        // In 32 bits the conversion is quick; what lies outside finds no pixel.
-        let pixel = |edge: &Edge| {
-            let (x, y) = (i64::from(edge.x as i32), i64::from(edge.y as i32));
-            (y * i64::from(size.width) + x) as usize
-        };
-        for (index, edge) in (0..).zip(edges) {
-            if let Some(slot) = self.by_pixel.get_mut(pixel(edge)) {
-                *slot = index;
-            }
-        }
-        out.reserve(points.len() * size_of::<u32>());
-        points.iter().all(|point| {
-            let near = self.by_pixel.get(pixel(point)).copied().unwrap_or(0);
-            let found = NEIGHBOURS
-                .iter()
-                .map(|by| i64::from(near) + by)
-                .find(|&index| {
-                    let edge = usize::try_from(index)
-                        .ok()
-                        .and_then(|index| edges.get(index));
-                    edge.is_some_and(|edge| is_same(edge, point))
-                });
-            if let Some(index) = found {
-                out.extend_from_slice(&(index as u32).to_le_bytes());
-            }
-            found.is_some()
-        })
+/// The kinds of message that one of this kind may refer to.
+pub(super) const fn referred(kind: Kind) -> &'static [Kind] {
+    match kind {
+        Kind::Edges => &[Kind::Image],
+        Kind::Curves => &[Kind::Edges],
+        Kind::Tables | Kind::Matches => &[Kind::Curves],
+        _ => &[],
     }
-}
-
-/// Whether two edges are equal to the bit.
-fn is_same(a: &Edge, b: &Edge) -> bool {
-    let words = |edge: &Edge| bytemuck::cast::<Edge, [u64; 3]>(*edge);
-    words(a) == words(b)
 }
 
 /// Whether the entries stand table by table, and each says of its point what the point says itself.
@@ -79,12 +33,7 @@ pub(super) fn entries_follow(view: TablesView<'_>, curves: CurvesView<'_>) -> bo
                 curves
                     .points
                     .get(entry.point as usize)
-                    .is_some_and(|point| {
-                        let said = entry_of(table.x, table.y, point, entry);
-                        said.orientation.to_bits() == entry.orientation.to_bits()
-                            && said.rx.to_bits() == entry.rx.to_bits()
-                            && said.ry.to_bits() == entry.ry.to_bits()
-                    })
+                    .is_some_and(|point| is_entry(entry, table, point))
             })
         })
 }
@@ -99,31 +48,147 @@ pub(super) fn entry_of(x: f32, y: f32, point: &Edge, given: &Entry) -> Entry {
     }
 }
 
-/// Whether `order` is what [`order`] makes of these rows and points.
-pub(super) fn order_follows(view: TablesView<'_>, points: &[Edge]) -> bool {
+/// Whether the tables are what [`sorted_entries`] makes of these curves and the entries' weights.
+pub(super) fn tables_follow(view: TablesView<'_>, curves: CurvesView<'_>) -> bool {
+    let mut rest = view.entries;
+    let mut next = 0;
+    let is_its = |(table, curve): (&Table, &Curve)| {
+        let Some(entries) = rest.split_off(..table.count as usize) else {
+            return false;
+        };
+        let is_next = table.first == next
+            && (table.curve, table.count) == (curve.label, curve.count)
+            && (table.x.to_bits(), table.y.to_bits()) == (curve.x.to_bits(), curve.y.to_bits());
+        next = table.first.wrapping_add(table.count);
+        let (mut before, mut weight) = (None, 0.0);
+        // As many as the curve has points, all different, and all its own: they are all of them.
+        let is_sorted = entries.iter().all(|entry| {
+            let Some(point) = curves.points.get(entry.point as usize) else {
+                return false;
+            };
+            let key = filed(point, entry.point);
+            let rises = before < Some(key) && curve.range().contains(&(entry.point as usize));
+            (before, weight) = (Some(key), weight + entry.weight);
+            rises && is_entry(entry, table, point)
+        });
+        is_next && is_sorted && weight.to_bits() == table.weight.to_bits()
+    };
+    view.tables.len() == curves.curves.len()
+        && view.tables.iter().zip(curves.curves).all(is_its)
+        && rest.is_empty()
+}
+
+/// Whether an entry says of its point what the point says itself.
+fn is_entry(entry: &Entry, table: &Table, point: &Edge) -> bool {
+    let said = entry_of(table.x, table.y, point, entry);
+    said.orientation.to_bits() == entry.orientation.to_bits()
+        && said.rx.to_bits() == entry.rx.to_bits()
+        && said.ry.to_bits() == entry.ry.to_bits()
+}
+
+/// A key that sorts a table's points by orientation, then by index.
+fn filed(point: &Edge, index: u32) -> u64 {
+    u64::from(sortable(point.orientation.to_bits())) << 32 | u64::from(index)
+}
+
+/// Makes a table of every curve, its entries sorted by orientation; `weight` gives theirs, one after the other.
+pub(super) fn sorted_entries(
+    curves: CurvesView<'_>,
+    mut weight: impl FnMut() -> Result<f32, DecodeError>,
+    room: &mut TablesRoom<'_>,
+) -> Result<(), DecodeError> {
+    let mut keys = Vec::new();
+    for curve in curves.curves {
+        let points = curves.points.get(curve.range());
+        let points = points.ok_or(DecodeError::Unsound)?;
+        keys.clear();
+        keys.extend(
+            (curve.first..)
+                .zip(points)
+                .map(|(index, point)| filed(point, index)),
+        );
+        keys.sort_unstable();
+        let mut table = Table {
+            curve: curve.label,
+            first: room.entries.len() as u32,
+            count: curve.count,
+            x: curve.x,
+            y: curve.y,
+            weight: 0.0,
+        };
+        for &key in &keys {
+            let given = Entry {
+                point: key as u32,
+                weight: weight()?,
+                ..Entry::default()
+            };
+            table.weight += given.weight;
+            let point = &curves.points[key as u32 as usize];
+            room.entries.push(entry_of(curve.x, curve.y, point, &given));
+        }
+        if room.entries.refused() > 0 {
+            return Err(DecodeError::TooMany);
+        }
+        room.tables.push(table);
+    }
+    Ok(())
+}
+
+/// Whether there are as many rows as an image of this size has: where the order follows, they then do too.
+pub(super) fn rows_follow(view: TablesView<'_>, size: Size) -> bool {
+    view.rows.len() == size.height as usize + 1
+}
+
+/// Where the points of each row begin and end among all points by rows; `None` where one lies below the image.
+pub(super) fn rows(points: &[Edge], size: Size) -> Option<Vec<u32>> {
+    let mut rows = vec![0; size.height as usize + 1];
+    for point in points {
+        *rows.get_mut(row_of(point) as usize + 1)? += 1;
+    }
+    let mut sum = 0;
+    for row in &mut rows {
+        sum += *row;
+        *row = sum;
+    }
+    Some(rows)
+}
+
+/// Whether `order` is what [`order`] makes of these rows and points; `places` is memory to work in.
+pub(super) fn order_follows(view: TablesView<'_>, points: &[Edge], places: &mut Vec<u64>) -> bool {
     let [first, .., last] = view.rows else {
         return false;
     };
-    let is_row = |(row, bounds): (u32, &[u32])| {
-        let indices = view
-            .order
-            .get(bounds[0] as usize..bounds[1] as usize)
-            .unwrap_or_default();
-        let mut before = (f32::NEG_INFINITY, 0);
-        indices.iter().all(|&index| {
-            points.get(index as usize).is_some_and(|point| {
-                let here = (point.x, index);
-                let rises = row_of(point) == row && before < here;
-                before = here;
-                rises
-            })
-        })
-    };
-    *first == 0
+    let is_whole = *first == 0
         && *last as usize == view.order.len()
         && view.order.len() == points.len()
-        && view.rows.is_sorted()
-        && (0..).zip(view.rows.windows(2)).all(is_row)
+        && view.rows.is_sorted();
+    if !is_whole {
+        return false;
+    }
+    // Points are looked at in any order: what they are sorted by is put close together before.
+    places.clear();
+    places.extend(
+        points
+            .iter()
+            .map(|point| u64::from(row_of(point)) << 32 | column_of(point)),
+    );
+    let place = |index: u32| places.get(index as usize).copied();
+    // Whether there is anything wrong is told at the end: no branch.
+    let mut before = (0, 0);
+    let (mut wrong, mut is_first) = (false, true);
+    for &index in view.order {
+        let here = (place(index).unwrap_or_default(), index);
+        let rises = (before.0 < here.0) | ((before.0 == here.0) & (before.1 < index));
+        wrong |= (index as usize >= places.len()) | (!rises & !is_first);
+        (before, is_first) = (here, false);
+    }
+    // In order as they are, a row has no others when its first and its last are its own.
+    let is_row = |(row, bounds): (u64, &[u32])| {
+        let of = |at: u32| view.order.get(at as usize).and_then(|&index| place(index));
+        let is_its = |at| of(at).is_some_and(|place| place >> 32 == row);
+        bounds[0] == bounds[1] || (is_its(bounds[0]) && is_its(bounds[1] - 1))
+    };
+    !wrong && (0..).zip(view.rows.windows(2)).all(is_row)
 }
 
 /// The row a point belongs to: of two rows the upper.
@@ -136,13 +201,13 @@ fn row_of(point: &Edge) -> u32 {
 pub(super) fn order(rows: &[u32], points: &[Edge], order: &mut Vec<u32>) -> Option<()> {
     let mut keys = vec![0; points.len()];
     let mut next = rows.to_vec();
-    for (index, point) in (0..).zip(points) {
+    for (index, point) in (0u32..).zip(points) {
         let row = row_of(point) as usize;
         let slot = next.get_mut(row)?;
         if *slot >= *rows.get(row + 1)? {
             return None;
         }
-        *keys.get_mut(*slot as usize)? = key(point.x, index);
+        *keys.get_mut(*slot as usize)? = column_of(point) << 32 | u64::from(index);
         *slot += 1;
     }
     for bounds in rows.windows(2) {
@@ -154,16 +219,19 @@ pub(super) fn order(rows: &[u32], points: &[Edge], order: &mut Vec<u32>) -> Opti
     Some(())
 }
 
-/// A key that sorts by value, then by index.
-fn key(value: f32, index: u32) -> u64 {
-    // Adding zero makes one of the two zeros. Floats sort like their bits, once those of negative ones are turned.
-    let bits = (value + 0.0).to_bits();
-    let sortable = if bits >> 31 == 1 {
+/// What a point is sorted by in its row.
+fn column_of(point: &Edge) -> u64 {
+    // Adding zero makes one of the two zeros.
+    u64::from(sortable((point.x + 0.0).to_bits()))
+}
+
+/// A float's bits, so that they sort like floats: those of negative ones are turned.
+fn sortable(bits: u32) -> u32 {
+    if bits >> 31 == 1 {
         !bits
     } else {
         bits | 1 << 31
-    };
-    u64::from(sortable) << 32 | u64::from(index)
+    }
 }
 
 #[cfg(test)]
@@ -201,6 +269,7 @@ mod tests {
                     order,
                 },
                 points,
+                &mut Vec::new(),
             )
         };
         assert!(follows(&made, &points));
@@ -208,10 +277,17 @@ mod tests {
         assert!(!follows(&[1, 2, 0, 3, 4], &points));
         assert!(!follows(&[1, 2, 4, 0, 3], &points));
         assert!(!follows(&[1, 1, 0, 4, 3], &points));
+        assert!(!follows(&[1, 2, 0, 4, 5], &points));
+        assert!(!follows(&[1, 2, 0, 4], &points));
         let mut strange = points;
         strange[3].x = f32::NAN;
+        // What is no number has its place in the order too.
+        let mut of_strange = Vec::new();
+        assert!(order(&rows, &strange, &mut of_strange).is_some());
+        assert!(follows(&of_strange, &strange));
+        assert_eq!(follows(&made, &strange), made == of_strange);
+        strange[3].y = f32::NAN;
         assert!(!follows(&made, &strange));
-        assert!(order(&rows, &strange, &mut made).is_some());
         assert!(order(&[0, 1, 3, 5], &points, &mut made).is_none());
     }
 }

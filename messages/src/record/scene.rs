@@ -2,8 +2,7 @@
 //!
 //! Frames: `world` is the rig's place, `rig` the rig itself, both after ROS: x forward, y left, z up. Every view has
 //! `<view>_optical` at its position along the baseline: x right, y down, z forward. Where the camera moves along a rail,
-//! its frame moves with it, and `rail` is where it stands at position 0, with the same axes. Edges, which have no depth, live
-//! in `<view>_pixels`, which is joined to nothing: x right, y down, in pixels.
+//! its frame moves with it, and `rail` is where it stands at position 0, with the same axes.
 
 use super::Codec;
 use super::wire::{Fields, Fill, Value};

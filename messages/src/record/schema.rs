@@ -9,6 +9,7 @@ use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use serde_json::json;
 
+use super::comments;
 use super::row::{Number, Row};
 use crate::payload::{Curve, Match, Rejected, Score, Share, Table};
 use crate::topic::Kind;
@@ -38,7 +39,8 @@ impl Schema {
     pub fn of(kind: Kind) -> Self {
         match kind {
             Kind::Image | Kind::Raw | Kind::Truth | Kind::Disparity => Self::image(),
-            Kind::Edges | Kind::Points | Kind::Map | Kind::Growing => Self::cloud(),
+            Kind::Points | Kind::Map | Kind::Growing => Self::cloud(),
+            Kind::Edges => Self::own("Edges"),
             Kind::Curves => Self::own("Curves"),
             Kind::Tables => Self::own("Tables"),
             Kind::Matches => Self::own("Matches"),
@@ -249,7 +251,7 @@ impl Schema {
         let with_head = |name, sections: &[FieldDescriptorProto]| {
             message(name, [head(), sections.to_vec()].concat())
         };
-        files.push(FileDescriptorProto {
+        let mut own = FileDescriptorProto {
             name: Some("tricurve.proto".to_owned()),
             package: Some("tricurve".to_owned()),
             dependency: SHARED.map(str::to_owned).to_vec(),
@@ -266,20 +268,36 @@ impl Schema {
                         field("data", 3, Type::Bytes),
                     ],
                 ),
+                with_head(
+                    "Edges",
+                    &[
+                        repeated(field("counts", 5, Type::Uint32)),
+                        repeated(field("gaps", 6, Type::Uint32)),
+                        field("parts", 7, Type::Bytes),
+                        field("magnitudes", 8, Type::Bytes),
+                        field("orientations", 9, Type::Bytes),
+                        field("profiles", 10, Type::Bytes),
+                        packed("edges", 11),
+                    ],
+                ),
                 row::<Curve>(),
-                // The points stand in it, or `edges` are their indices in `edges/VIEW/CHANNEL` of the same scan.
                 with_head(
                     "Curves",
                     &[
                         many("curves", 5, Curve::NAME),
                         packed("points", 6),
                         repeated(field("edges", 7, Type::Fixed32)),
+                        repeated(field("counts", 8, Type::Uint32)),
+                        repeated(field("parents", 9, Type::Uint32)),
+                        repeated(field("x", 10, Type::Float)),
+                        repeated(field("y", 11, Type::Float)),
+                        repeated(field("magnitude", 12, Type::Float)),
+                        repeated(field("length", 13, Type::Float)),
+                        repeated(field("starts", 14, Type::Sint32)),
+                        field("steps", 15, Type::Bytes),
                     ],
                 ),
                 row::<Table>(),
-                // The entries stand in it, or `points` are their points' indices in `curves/VIEW/CHANNEL` of the same
-                // scan, and `weights` their weights if not all are 1; the vector of an entry is the table's place less
-                // the point's. Without `order` the points of each row are in order of their columns.
                 with_head(
                     "Tables",
                     &[
@@ -289,10 +307,11 @@ impl Schema {
                         repeated(field("order", 8, Type::Fixed32)),
                         repeated(field("points", 9, Type::Fixed32)),
                         repeated(field("weights", 10, Type::Float)),
+                        field("tables_follow", 11, Type::Bool),
+                        field("rows_follow", 12, Type::Bool),
                     ],
                 ),
                 row::<Match>(),
-                // The reason is the code of a `messages::Reason`.
                 row::<Rejected>(),
                 with_head(
                     "Matches",
@@ -300,6 +319,9 @@ impl Schema {
                         many("matches", 5, Match::NAME),
                         packed("points", 6),
                         many("rejected", 7, Rejected::NAME),
+                        repeated(field("gaps", 8, Type::Uint32)),
+                        repeated(field("disparities", 9, Type::Float)),
+                        repeated(field("scores", 10, Type::Float)),
                     ],
                 ),
                 // A topic, or a table of settings, and the first 16 bytes of BLAKE3 of what it says.
@@ -333,7 +355,9 @@ impl Schema {
                 ),
             ],
             ..FileDescriptorProto::default()
-        });
+        };
+        own.source_code_info = Some(comments::of(&own));
+        files.push(own);
         Self::protobuf(format!("tricurve.{name}"), files)
     }
 }

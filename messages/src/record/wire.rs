@@ -88,6 +88,37 @@ impl<'a> Iterator for Fields<'a> {
     }
 }
 
+/// Packed varints, one after the other.
+#[derive(Clone, Debug)]
+pub(super) struct Varints<'a> {
+    rest: Fields<'a>,
+}
+
+impl<'a> Varints<'a> {
+    pub(super) fn new(packed: &'a [u8]) -> Self {
+        Self {
+            rest: Fields::new(packed),
+        }
+    }
+
+    /// The next one, while there are any.
+    #[inline(always)]
+    pub(super) fn next(&mut self) -> Result<Option<u64>, DecodeError> {
+        match self.rest.rest {
+            [] => Ok(None),
+            // Most are small.
+            [byte, rest @ ..] if *byte < 0x80 => {
+                self.rest.rest = rest;
+                Ok(Some(u64::from(*byte)))
+            }
+            _ => match self.rest.varint() {
+                None => Err(DecodeError::Malformed),
+                value => Ok(value),
+            },
+        }
+    }
+}
+
 impl Value<'_> {
     pub(super) fn double(self) -> Result<f64, DecodeError> {
         match self {
@@ -102,7 +133,7 @@ impl Value<'_> {
 pub(super) struct Fill<'a>(pub(super) &'a mut Vec<u8>);
 
 impl Fill<'_> {
-    fn plain_varint(&mut self, mut value: u64) {
+    pub(super) fn plain_varint(&mut self, mut value: u64) {
         while value >= 0x80 {
             self.0.push(value as u8 | 0x80);
             value >>= 7;
@@ -142,6 +173,15 @@ impl Fill<'_> {
 
     pub(super) fn text(&mut self, field: u32, text: &str) {
         self.bytes(field, text.as_bytes());
+    }
+
+    /// Packed varints.
+    pub(super) fn varints(&mut self, field: u32, values: &[u32]) {
+        let len = values.iter().map(|&value| varint_len(u64::from(value)));
+        self.open(field, len.sum());
+        for &value in values {
+            self.plain_varint(u64::from(value));
+        }
     }
 
     pub(super) fn doubles(&mut self, field: u32, values: &[f64]) {
@@ -215,6 +255,24 @@ mod tests {
             assert!(fields.next().unwrap().is_err(), "{cut}");
             assert_eq!(fields.next(), None);
         }
+    }
+
+    #[test]
+    fn packed_varints_are_read_as_they_were_written_and_a_cut_one_is_malformed() {
+        let values = [0, 1, 127, 128, 16_383, 16_384, u32::MAX];
+        let mut out = Vec::new();
+        Fill(&mut out).varints(3, &values);
+        let (number, packed) = Fields::new(&out).next().unwrap().unwrap();
+        let packed = packed.bytes().unwrap();
+        let mut varints = Varints::new(packed);
+        let read = values.map(|_| varints.next().unwrap().unwrap());
+        assert_eq!((number, read), (3, values.map(u64::from)));
+        assert_eq!(varints.next(), Ok(None));
+        let mut cut = Varints::new(&packed[..packed.len() - 1]);
+        while let Ok(more) = cut.next() {
+            assert!(more.is_some());
+        }
+        assert!(Varints::new(&[0xff; 11]).next().is_err());
     }
 
     #[test]

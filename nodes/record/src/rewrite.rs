@@ -15,11 +15,11 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
-use messages::record::{Beside, Codec, DIGESTS, TRANSFORMS, VERSIONS};
+use messages::record::{Beside, Codec, DIGESTS, Said, Schema, TRANSFORMS, VERSIONS};
 use messages::recording::{
     FileSchema, Identity, Metadata, ReadError, Recording, Scan, ScanOrder, part_path,
 };
-use messages::{Curves, Kind, Rig, Tables, Topic};
+use messages::{Curves, Edges, Kind, Matches, Rig, Stage, Tables, Topic};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -69,6 +69,17 @@ pub enum RewriteError {
         other: PathBuf,
         /// The first stage whose settings differ.
         stage: &'static str,
+    },
+    /// Two inputs were computed by builds whose stages have other versions.
+    #[error(
+        "{} and {} were computed by builds of different versions: what holds of one recording does not of the other",
+        one.display(), other.display()
+    )]
+    Versions {
+        /// The one.
+        one: PathBuf,
+        /// The one that differs.
+        other: PathBuf,
     },
     /// Of several inputs, one has settings that changed while it was recorded.
     #[error(
@@ -173,10 +184,10 @@ pub fn rewrite(
         let stage = differing_stage(&recordings[0], other)?;
         Some((other, stage))
     }) {
-        return Err(RewriteError::Settings {
-            one: recordings[0].path().to_owned(),
-            other: other.path().to_owned(),
-            stage,
+        let (one, other) = (recordings[0].path().to_owned(), other.path().to_owned());
+        return Err(match stage {
+            VERSIONS => RewriteError::Versions { one, other },
+            stage => RewriteError::Settings { one, other, stage },
         });
     }
     let is_proof = |recording: &&Recording| recording.is_proof();
@@ -281,12 +292,35 @@ fn differing_stage(one: &Recording, other: &Recording) -> Option<&'static str> {
     let pair = stages.zip(others);
     let differs =
         |((stage, one), (_, other)): ((&'static str, _), (_, _))| (one != other).then_some(stage);
-    // Digests hold for the versions that they were made with.
+    // Digests hold for the versions that they were made with, and no topic has messages of two kinds of filter.
     let versions = |metadata: &Metadata| metadata.configuration.get(VERSIONS).cloned();
-    let (is_same, stage) = (versions(one) == versions(other), VERSIONS);
+    let (one, other) = (versions(one), versions(other));
+    let stage_differs = |stage: &Stage| {
+        let version = |versions: &Option<serde_json::Value>| {
+            versions
+                .as_ref()
+                .and_then(|known| known.get(stage.name()).cloned())
+        };
+        matches!((version(&one), version(&other)), (Some(one), Some(other)) if one != other)
+    };
+    let differ = Stage::ALL.iter().any(stage_differs) || (are_proofs && one != other);
     pair.into_iter()
         .find_map(differs)
-        .or((!is_same && are_proofs).then_some(stage))
+        .or(differ.then_some(VERSIONS))
+}
+
+/// A schema of ours as this build describes it, which is all that builds before described, and more: what is written anew
+/// may need it.
+fn described(schema: &FileSchema) -> FileSchema {
+    let now = Kind::ALL.map(Schema::of).into_iter();
+    let mut same = now.filter(|now| now.name == schema.name && now.encoding == schema.encoding);
+    match same.next().filter(|now| now.name.starts_with("tricurve.")) {
+        Some(now) => FileSchema {
+            data: now.data,
+            ..schema.clone()
+        },
+        None => schema.clone(),
+    }
 }
 
 /// Whether two recordings are of one rig, as far as they say it: what is read from messages knows nothing of triples.
@@ -387,7 +421,7 @@ impl Frame {
                     frame.channels.push(Definition {
                         topic: name.to_owned(),
                         encoding: encoding.to_owned(),
-                        schema: schema.cloned(),
+                        schema: schema.map(described),
                     });
                 }
             }
@@ -541,21 +575,31 @@ fn alone(
     is_kept: &dyn Fn(&str) -> bool,
 ) -> Option<Vec<u8>> {
     let mut names = scan.messages().map(|(name, _)| name);
-    if !names.any(|name| codec.refers(topic, name) && !is_kept(name)) {
+    // What refers by way of others is as true as before, once these stand alone.
+    if !names.any(|name| codec.refers_itself(topic, name) && !is_kept(name)) {
         return None;
     }
     let mut encoded = Vec::new();
+    macro_rules! encode {
+        ($kind:ident) => {{
+            // One that could refer need not do so.
+            let (bytes, nobody) = (scan.message(&topic.name)?, |_: Kind| None::<Said<'_>>);
+            if codec
+                .decode::<$kind>(topic, scan.sequence, scan.nanos, bytes, &nobody)
+                .is_ok()
+            {
+                return None;
+            }
+            let read = scan.decode::<$kind>(codec, topic).ok()?;
+            let (header, view) = (read.header, read.view().into());
+            codec.encode(topic, &header, view, Beside::default(), &mut encoded);
+        }};
+    }
     match topic.kind {
-        Kind::Curves => {
-            let read = scan.decode::<Curves>(codec, topic).ok()?;
-            let (header, view) = (read.header, read.view().into());
-            codec.encode(topic, &header, view, Beside::default(), &mut encoded);
-        }
-        Kind::Tables => {
-            let read = scan.decode::<Tables>(codec, topic).ok()?;
-            let (header, view) = (read.header, read.view().into());
-            codec.encode(topic, &header, view, Beside::default(), &mut encoded);
-        }
+        Kind::Edges => encode!(Edges),
+        Kind::Curves => encode!(Curves),
+        Kind::Tables => encode!(Tables),
+        Kind::Matches => encode!(Matches),
         _ => return None,
     }
     Some(encoded)
