@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 """Read a recording as a stranger would, decode every message, and compare its points with an exported CSV.
 
-usage: foreign.py FILE.mcap [POINTS.csv]
+usage: foreign.py FILE.mcap [POINTS.csv [OTHER.mcap]]
 
-Knows nothing of tricurve but what the file says of itself: protobuf and JSON schemas, field names, strides. Prints a
-line a topic; ends with 1 at the first thing that is not as it should be.
+Knows nothing of tricurve but what the file says of itself: protobuf and JSON schemas, field names, comments, strides.
+Every curve's point is the edge of its pixel, every point of a match that of its curve, every result one of a match. The
+edges of OTHER, a recording of the same scans, are the same to the bit. Prints a line a topic; ends with 1 at the first
+thing that is not as it should be.
 Needs: pip install mcap mcap-protobuf-support numpy
 """
 import collections, csv, json, sys
@@ -52,17 +54,107 @@ def packed(section):
     return table(section.fields, section.stride, section.data)
 
 
+EDGE = np.dtype([('x', '<f4'), ('y', '<f4'), ('magnitude', '<f4'), ('orientation', '<f4'), ('profile', 'u1', 8)])
+OFFSETS = np.array([-6, -4, -2.5, -1.25, 1.25, 2.5, 4, 6])
+
+
+def edges_of(message, image, topic):
+    """Edges, from their columns as the schema's comments describe them, or as they are."""
+    rows = packed(message.edges)
+    if len(rows):
+        edges = np.zeros(len(rows), EDGE)
+        for name in ('x', 'y', 'magnitude', 'orientation'):
+            edges[name] = rows[name]
+        edges['profile'] = np.stack([rows[f'profile_{i}'] for i in range(8)], 1)
+        return edges
+    counts, gaps = np.array(message.counts, int), np.array(message.gaps, int)
+    parts = np.frombuffer(message.parts, 'u1').astype(int)
+    edges = np.zeros(len(parts), EDGE)
+    expect(counts.sum() == len(gaps) == len(parts), f'{topic}: counts')
+    row = np.repeat(np.arange(len(counts)), counts)
+    passed = np.cumsum((gaps >> 1) + 1)
+    before = np.concatenate([[0], passed])[np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(int)]
+    column = passed - before[row] - 1 if len(row) else passed
+    down = gaps & 1
+    expect(np.all(column < message.image_width) and np.all(row < message.image_height), f'{topic}: outside')
+    edges['x'], edges['y'] = column + parts * (1 - down) / 256, row + parts * down / 256
+    edges['magnitude'] = np.frombuffer(message.magnitudes, '<u2') / 256
+    turned = np.frombuffer(message.orientations, '<i2').astype(int)
+    turned[turned == -32768] = 32768
+    edges['orientation'] = turned.astype('f4') * np.float32(np.pi / 32768)
+    if message.profiles or not len(edges):
+        edges['profile'] = np.frombuffer(message.profiles, 'u1').reshape(-1, 8)
+        return edges
+    expect(image is not None, f'{topic}: no profiles, and no image that they follow from')
+    height, width = image.shape
+    rows = image.astype(int)
+    padded = np.pad(rows, ((1, 1), (0, 0)), 'edge')
+    steady = (padded[:-2] + 2 * rows + padded[2:] + 2) >> 2
+    of = np.minimum(row + (parts * down >= 128), height - 1)
+    places = (column * 256 + parts * (1 - down))[:, None] + (OFFSETS * 256).astype(int)
+    k, f = places >> 8, places & 255
+    at = lambda k: steady[of[:, None], np.clip(k, 0, width - 1)]
+    edges['profile'] = (at(k) * (256 - f) + at(k + 1) * f + 128) >> 8
+    return edges
+
+
+def points_of(curves, edges, topic):
+    """The edges that curves go through, and how many belong to each."""
+    if len(curves.points.data):
+        rows = packed(curves.points)
+        return np.stack([rows['x'], rows['y']], 1), [c.count for c in curves.curves] or list(curves.counts)
+    if len(curves.edges):
+        chosen = edges[np.array(curves.edges)]
+        return np.stack([chosen['x'], chosen['y']], 1), [c.count for c in curves.curves]
+    counts, width = np.array(curves.counts, int), curves.image_width
+    steps = np.frombuffer(curves.steps, 'u1').astype(int)
+    expect(len(steps) == counts.sum() - len(counts) and len(curves.starts) == len(counts), f'{topic}: steps')
+    signed = lambda four: (four ^ 8) - 8
+    walked = np.zeros((counts.sum(), 2), int)
+    first = np.cumsum(counts) - counts
+    rest = np.ones(len(walked), bool)
+    rest[first] = False
+    walked[rest] = np.stack([signed(steps & 15), signed(steps >> 4)], 1)
+    starts = np.cumsum(np.array(curves.starts, int))
+    walked = np.cumsum(walked, 0)
+    curve = np.repeat(np.arange(len(counts)), counts)
+    walked += (np.stack([starts % width, starts // width], 1) - walked[first])[curve] if len(first) else 0
+    by_pixel = {(int(e['x']), int(e['y'])): (e['x'], e['y']) for e in edges}
+    expect(all((x, y) in by_pixel for x, y in walked.tolist()), f'{topic}: a point that is no edge')
+    return np.array([by_pixel[x, y] for x, y in walked.tolist()]).reshape(-1, 2), list(counts)
+
+
 def runs(rows, points, what):
     """Every row's points exist."""
     expect(all(r.first + r.count <= points for r in rows), f'{what} without points')
 
 
-def main(path, csv_path):
+def edges_in(path):
+    """The edges of every scan and topic of a recording."""
+    found, images = {}, {}
+    with open(path, 'rb') as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory(), JsonDecoders()])
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            view = channel.topic.split('/')[1] if '/' in channel.topic else ''
+            if channel.topic == f'camera/{view}/image':
+                images[message.sequence, view] = pixels_of(decoded)
+            elif schema.name == 'tricurve.Edges':
+                key = message.sequence, view
+                found[message.sequence, channel.topic] = edges_of(decoded, images.get(key), channel.topic)
+    return found
+
+
+def pixels_of(image):
+    return np.frombuffer(image.data, 'u1').reshape(image.height, image.step)[:, :image.width]
+
+
+def main(path, csv_path, other_path):
     topics = collections.Counter()
     schemas, images, annotations, points = {}, {}, {}, []
     frames, used_frames = {}, set()
     scan, same_scan = None, {}
     curve_points, indexed = {}, {}
+    pixels, edges, walked, matched = {}, {}, {}, {}
     with open(path, 'rb') as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory(), JsonDecoders()])
         expect(reader.get_summary() is not None, 'the file has no summary')
@@ -93,6 +185,8 @@ def main(path, csv_path):
                     expect(len(decoded.data) == decoded.step * decoded.height, f'{topic}: data')
                     if decoded.encoding in ('mono8', 'rgb8'):
                         images[key] = nanos(decoded.timestamp)
+                    if topic.startswith('camera/') and topic.endswith('/image'):
+                        pixels[key] = pixels_of(decoded)
                 case 'foxglove.PointCloud':
                     rows = table(decoded.fields, decoded.point_stride, decoded.data)
                     expect({'x', 'y', 'z'} <= set(rows.dtype.names), f'{topic}: {rows.dtype.names}')
@@ -118,19 +212,27 @@ def main(path, csv_path):
                         annotations.setdefault(key, set()).update(times)
                 case 'foxglove.Log':
                     expect(decoded.message, f'{topic}: an empty line')
+                case 'tricurve.Edges':
+                    edges[message.sequence, topic] = edges_of(decoded, pixels.get(key), topic)
                 case 'tricurve.Curves':
-                    # Points are named by their edges, or stand here where some are no edges.
-                    of_curves = len(decoded.edges) or len(packed(decoded.points))
-                    runs(decoded.curves, of_curves, topic)
-                    curve_points[message.sequence, topic.removeprefix('curves/')] = of_curves
+                    # Points are walks over edges, or stand here where some are no edges.
+                    of_curves = edges.get((message.sequence, topic.replace('curves/', 'edges/')), np.zeros(0, EDGE))
+                    places, counts = points_of(decoded, of_curves, topic)
+                    expect(sum(counts) == len(places), f'{topic} without points')
+                    walked[message.sequence, topic] = places
+                    curve_points[message.sequence, topic.removeprefix('curves/')] = len(places)
+                    of_each = (decoded.parents, decoded.x, decoded.y, decoded.magnitude, decoded.length)
+                    expect(decoded.curves or {*map(len, of_each)} == {len(counts)}, f'{topic}: columns')
                 case 'tricurve.Tables':
                     entries = len(decoded.points) or len(packed(decoded.entries))
                     runs(decoded.tables, entries, topic)
-                    expect(len(decoded.rows) == decoded.image_height + 1, f'{topic}: rows')
-                    # Where no order is said it is that of the curves' points.
-                    indexed[message.sequence, topic.removeprefix('tables/')] = (decoded.rows[-1], len(decoded.order))
+                    if not decoded.rows_follow:
+                        expect(len(decoded.rows) == decoded.image_height + 1, f'{topic}: rows')
+                        # Where no order is said it is that of the curves' points.
+                        indexed[message.sequence, topic.removeprefix('tables/')] = decoded.rows[-1], len(decoded.order)
                 case 'tricurve.Matches':
-                    runs(decoded.matches, len(packed(decoded.points)), topic)
+                    matched[message.sequence, topic.removeprefix('matches/')] = decoded
+                    runs(decoded.matches, len(decoded.gaps) or len(packed(decoded.points)), topic)
                     expect(all(r.reason > 0 for r in decoded.rejected), f'{topic}: no reason')
                 case 'tricurve.Digests':
                     expect(decoded.algorithm == 'blake3-128', f'{topic}: {decoded.algorithm}')
@@ -146,16 +248,39 @@ def main(path, csv_path):
         expect(times == {images.get(key)}, f'annotations of {key}: {times}, the image {images.get(key)}')
     for key, (rows, order) in indexed.items():
         expect(rows == (order or curve_points[key]), f'tables {key}: {rows} points by row, {order}, {curve_points[key]} of curves')
-    for frame in (f for f in used_frames if f.endswith('_optical')):
+    for frame in used_frames:
         at = frame
         while at in frames:
             at = frames[at]
         expect(at == 'world', f'frame {frame} hangs on {at}')
+    results = {scan: {(p['u'], p['v'], p['disparity']) for p in cloud} for scan, cloud in points}
+    for scan, of_scan in results.items():
+        channels = [(key, m) for key, m in matched.items() if key[0] == scan]
+        if channels:
+            there = set().union(*(places_of(m, walked, key) for key, m in channels))
+            expect(of_scan <= there, f'scan {scan}: {len(of_scan - there)} points of no match')
     compared = compare(points, csv_path) if csv_path else 0
+    if other_path:
+        others = edges_in(other_path)
+        expect(edges and others.keys() == edges.keys(), f'edges of {len(edges)} and of {len(others)} messages')
+        for key, of_other in others.items():
+            expect(of_other.tobytes() == edges[key].tobytes(), f'{key}: other edges in {other_path}')
     width = max(map(len, topics))
     for topic in sorted(topics):
         print(f'{topic:<{width}}  {schemas[topic]:<26} {topics[topic]:>6}')
     print(f'ok: {sum(topics.values())} messages of {len(topics)} topics; {compared} points equal the CSV')
+
+
+def places_of(matches, walked, key):
+    """Column, row and disparity of every point of a channel's matches."""
+    rows = packed(matches.points)
+    if len(rows) or not len(matches.gaps):
+        return {(p['x'], p['y'], p['disparity']) for p in rows}
+    views = {matches.frame_id.removesuffix('_optical')}
+    places = walked[key[0], f'curves/{views.pop()}/{key[1]}']
+    at = np.cumsum((np.array(matches.gaps, int) >> 1) + 1) - 1
+    chosen, disparities = places[at], np.array(matches.disparities, 'f4')
+    return {(x, y, d) for (x, y), d in zip(chosen, disparities)}
 
 
 def compare(points, csv_path):
@@ -174,6 +299,6 @@ def compare(points, csv_path):
 
 
 if __name__ == '__main__':
-    if len(sys.argv) not in (2, 3):
+    if len(sys.argv) not in (2, 3, 4):
         sys.exit(__doc__)
-    main(sys.argv[1], sys.argv[2] if len(sys.argv) == 3 else None)
+    main(*sys.argv[1:], *[None] * (4 - len(sys.argv)))
