@@ -301,7 +301,7 @@ fn related(random: &mut Random, size: Size) -> Related {
             let count = (1 + random.below(9)).min(all.len() - next);
             // Now and then one belongs to two curves, and none is in the order of the list. No step is too long.
             let from = next.saturating_sub(usize::from(random.below(10) < 3));
-            let near = |i: &usize| (all[*i].x - all[from].x).abs() < 7.0;
+            let near = |i: &usize| (0.0..7.0).contains(&(all[*i].x - all[from].x));
             let points: Vec<usize> = (from..from + count).take_while(near).collect();
             room.curves.push(Curve {
                 label: room.curves.len() as u32,
