@@ -63,7 +63,15 @@ fn what_is_recovered_of_a_truncated_recording_verifies_wherever_it_was_cut() {
 
 #[test]
 fn a_damaged_chunk_costs_its_scan_and_no_other() {
-    let world = World::recorded("5");
+    // A scan is of several chunks, of which one is damaged.
+    let world = World::new();
+    let scene = world.small_scene("scene");
+    let source = scene.to_string_lossy();
+    let run = [
+        "run", "--source", &source, "--scans", "5", "--record", "x.mcap",
+    ];
+    let small = ["--set", "record.chunk_bytes=65536"];
+    world.run(&[&run[..], &small].concat()).done();
     let mut bytes = std::fs::read(world.path("x.mcap")).unwrap();
     let middle = bytes.len() / 2;
     for byte in &mut bytes[middle..middle + 64] {

@@ -465,7 +465,7 @@ mod tests {
         let mut points = cloud();
         for point in &mut points {
             point.x *= 10.0;
-            point.z = 10.4 + point.z;
+            point.z += 10.4;
         }
         for eye in [Eye::side(), Eye::above(), Eye::front()] {
             let stage = Stage::new(eye, Bounds::of(&points).unwrap());
