@@ -1,7 +1,8 @@
 //! A recording as one page for people: what it is, its figures, its points in space, how the run went.
 //!
 //! ```text
-//! Recording ─► head ─► map ─► measured │ set ─► scans: figures │ space │ plots ─► accuracy ─► run, ledger ─► report.html
+//! Recording ─► head ─► map ─► measured │ set ─► scans: figures │ space │ plots ─► accuracy ─► run │ ledger
+//!                                                                                          └─► report.html
 //! ```
 //!
 //! The page holds everything it shows, and nothing but what the recording says: the same recording gives the same
