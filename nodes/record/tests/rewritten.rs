@@ -578,7 +578,8 @@ fn cut_anywhere_a_file_without_chunks_or_indexes_gives_what_is_whole() {
                     assert!(message == expected, "{topic} of {scan}");
                 }
             }
-            assert!(whole.len() >= most, "{cut}");
+            // Cut within its first scan, a file does not say which topics that was to have.
+            assert!(whole.len() >= most || most == 1, "{cut}");
             most = whole.len();
         }
         assert!(most >= 3, "{most}");
