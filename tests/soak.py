@@ -9,7 +9,7 @@ run's shared memory, which is set aside before the start. Exits with 1 when the 
 fiftieth, a node holds more files, the run slowed down by over a twentieth, or scans are missing in the ledger.
 
 An hour's work in a quarter of one: soak.py TRICURVE --scans 20000 --profile thesis --delivery live --set capture.rate=25
---record soak.mcap --max-size 2000 --set 'record.without=["edges"]' takes about 20 GB.
+--record soak.mcap --max-size 2000 --set 'record.without=["edges"]' takes at most 20 GB.
 """
 import argparse, os, pathlib, statistics, subprocess, sys, tempfile, time
 
