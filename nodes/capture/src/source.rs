@@ -1114,22 +1114,28 @@ fn notices(albums: &[Album], of_levels: &[String]) -> Vec<String> {
         let Some(first) = chosen.first() else {
             continue;
         };
-        let reason = match why {
-            Why::FirstTriple => "the first triple that scene.json lists",
-            _ => "the first three of more",
+        let (reason, rather) = match why {
+            Why::FirstTriple => ("the first triple that scene.json lists", ""),
+            // Whoever forgot it sees three frames matched, and nothing amiss.
+            _ => (
+                "the first three of more",
+                "; if they are frames of one camera that moves, --layout rail",
+            ),
         };
         let differ = chosen
             .iter()
             .any(|album| album.choice.views != first.choice.views);
         let views: Vec<String> = first.choice.views.iter().map(u32::to_string).collect();
         notices.push(match (differ, albums.len()) {
-            (true, _) => format!("of each scene, {reason} is taken; choose others with --views"),
+            (true, _) => {
+                format!("of each scene, {reason} is taken; choose others with --views{rather}")
+            }
             (false, 1) => format!(
-                "views {} are taken, {reason}; choose others with --views",
+                "views {} are taken, {reason}; choose others with --views{rather}",
                 views.join(",")
             ),
             (false, _) => format!(
-                "views {} of each scene are taken, {reason}; choose others with --views",
+                "views {} of each scene are taken, {reason}; choose others with --views{rather}",
                 views.join(",")
             ),
         });

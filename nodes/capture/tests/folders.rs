@@ -124,7 +124,10 @@ fn of_more_images_the_first_three_are_taken_and_that_is_said() {
     assert_eq!(names(&source, 0), ["view0.png", "view1.png", "view2.png"]);
     assert_eq!(
         source.notices(),
-        ["views 0,1,2 are taken, the first three of more; choose others with --views"]
+        [
+            "views 0,1,2 are taken, the first three of more; choose others with --views; if they are frames of one camera that \
+             moves, --layout rail"
+        ]
     );
     let source = folder.open_views(&[2, 6, 10]).unwrap();
     assert_eq!(names(&source, 0), ["view2.png", "view6.png", "view10.png"]);
