@@ -200,17 +200,12 @@ pub(super) fn told(compared: &Comparison) -> String {
             ),
         ]
     });
-    let time = compared.time.iter().map(|both: &[Time; 2]| {
-        let name = match &both[0].stages[..] {
+    let time = compared.time.iter().map(|time: &Time| {
+        let name = match &time.stages[..] {
             [stage] => format!("time of {stage}"),
             stages => format!("time, {} to {}", stages[0], stages[stages.len() - 1]),
         };
-        (
-            name,
-            both.each_ref().map(|time| time.milliseconds),
-            1,
-            " ms",
-        )
+        (name, time.milliseconds, 1, " ms")
     });
     let measured = truth.chain(agreement).chain(maps);
     let measured =

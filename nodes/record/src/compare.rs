@@ -138,13 +138,13 @@ pub struct Agreement {
     pub residual: f64,
 }
 
-/// How long scans took.
+/// How long scans of both took.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Time {
     /// The stages that are added up.
     pub stages: Vec<&'static str>,
-    /// Their milliseconds a scan, the median.
-    pub milliseconds: f64,
+    /// Their milliseconds a scan, the median, of the first and of the second.
+    pub milliseconds: [f64; 2],
 }
 
 /// Which scan of the second recording is compared with one of the first.
@@ -189,7 +189,7 @@ pub struct Comparison {
     /// The maps, where both have one.
     pub maps: Option<[Mapped; 2]>,
     /// How long scans took in the stages whose times both know.
-    pub time: Option<[Time; 2]>,
+    pub time: Option<Time>,
     /// Whether the second is better.
     pub verdict: Verdict,
 }
@@ -260,7 +260,7 @@ pub fn compare(
     let scans = [0, 1].map(|which| common.iter().map(|pair| pair[which]).collect::<Vec<_>>());
     let truth = both(truth(a, &scans[0])?, truth(b, &scans[1])?);
     let agreement = both(agreement(a, &scans[0])?, agreement(b, &scans[1])?);
-    let time = time(stage_times(a, &scans[0])?, stage_times(b, &scans[1])?);
+    let time = time([stage_times(a, &scans[0])?, stage_times(b, &scans[1])?]);
     let maps = both(mapped(a)?, mapped(b)?);
     Ok(Comparison {
         scans: common.len() as u64,
@@ -443,11 +443,11 @@ fn agreement(recording: &mut Recording, scans: &[u64]) -> Result<Option<Agreemen
     }))
 }
 
+/// A scan's milliseconds, stage by stage.
+type Stages = [(&'static str, f64); 5];
+
 /// Milliseconds of each stage, scan by scan, as far as these scans tell.
-fn stage_times(
-    recording: &mut Recording,
-    scans: &[u64],
-) -> Result<Vec<[(&'static str, f64); 5]>, ReadError> {
+fn stage_times(recording: &mut Recording, scans: &[u64]) -> Result<Vec<Stages>, ReadError> {
     let mut times = Vec::new();
     for &scan in scans {
         let read = recording.scan_of(scan, |topic| topic == "statistics")?;
@@ -461,23 +461,22 @@ fn stage_times(
 
 /// How long scans took in the stages whose times both know: a replay that begins at a later stage, or records results only,
 /// knows fewer.
-fn time(a: Vec<[(&'static str, f64); 5]>, b: Vec<[(&'static str, f64); 5]>) -> Option<[Time; 2]> {
-    let knows = |times: &[[(&str, f64); 5]], stage: usize| times.iter().any(|of| of[stage].1 > 0.0);
-    let known: Vec<usize> = (0..5)
-        .filter(|stage| knows(&a, *stage) && knows(&b, *stage))
-        .collect();
-    let stages = || -> Vec<&'static str> { known.iter().map(|stage| a[0][*stage].0).collect() };
-    let median = |times: &[[(&str, f64); 5]]| {
-        let sum = |of: &[(&str, f64); 5]| known.iter().map(|stage| of[*stage].1).sum::<f64>();
+fn time(both: [Vec<Stages>; 2]) -> Option<Time> {
+    let first = both[0].first()?;
+    let is_known = |stage: &usize| {
+        let knows = |times: &Vec<Stages>| times.iter().any(|of| of[*stage].1 > 0.0);
+        both.iter().all(knows)
+    };
+    let known: Vec<usize> = (0..first.len()).filter(is_known).collect();
+    let median = |times: &Vec<Stages>| {
+        let sum = |of: &Stages| known.iter().map(|stage| of[*stage].1).sum::<f64>();
         let mut sums: Vec<f64> = times.iter().map(sum).collect();
         sums.sort_unstable_by(f64::total_cmp);
         sums[sums.len() / 2]
     };
-    (!known.is_empty()).then(|| {
-        [&a, &b].map(|times| Time {
-            stages: stages(),
-            milliseconds: median(times),
-        })
+    (!known.is_empty()).then(|| Time {
+        stages: known.iter().map(|stage| first[*stage].0).collect(),
+        milliseconds: both.each_ref().map(median),
     })
 }
 
