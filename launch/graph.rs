@@ -40,6 +40,8 @@ pub(crate) struct Graph {
     /// The graph's own keys.
     pub(crate) settings: Settings,
     nodes: Vec<(&'static NodeType, Value)>,
+    /// Which settings nobody chose: they were found out from the source.
+    measured: Vec<(&'static str, &'static str)>,
 }
 
 impl Graph {
@@ -125,7 +127,11 @@ impl Graph {
                 nodes.push((node, value));
             }
         }
-        let mut graph = Self { settings, nodes };
+        let mut graph = Self {
+            settings,
+            nodes,
+            measured: Vec::new(),
+        };
         graph.check_pipe()?;
         if graph.has("hough") && graph.has("match") {
             let read = reads_tables(graph.settings_of("match"))?;
@@ -249,6 +255,28 @@ impl Graph {
         {
             settings.insert(key.to_owned(), value.into());
         }
+    }
+
+    /// Fills in what the source was found to need, unless somebody chose something else than the default.
+    pub(crate) fn measured(
+        &mut self,
+        name: &'static str,
+        key: &'static str,
+        value: impl Into<Value>,
+    ) {
+        let value = value.into();
+        if self.settings_of(name).get(key) != Some(&value) {
+            self.measured.push((name, key));
+        }
+        self.fill_in(name, key, value);
+    }
+
+    /// Which settings were found out from the source, each as `node.key`.
+    pub(crate) fn all_measured(&self) -> Vec<String> {
+        let measured = self.measured.iter();
+        measured
+            .map(|(name, key)| format!("{name}.{key}"))
+            .collect()
     }
 
     /// The kinds of message that some node takes.

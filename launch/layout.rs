@@ -75,6 +75,11 @@ fn along_a_rail(layout: &str) -> Option<String> {
     let judging = latency.get_mut("paths")?.as_array_mut()?.last_mut()?;
     judging["value"] = json!("statistics.milliseconds.map");
     judging["label"] = json!("map");
+    let states = panels.get_mut("StateTransitions!nodes")?;
+    let paths = states.get_mut("paths")?.as_array_mut()?;
+    let judging = paths.iter_mut().find(|path| path["label"] == "evaluate")?;
+    judging["value"] = json!("health.nodes.map.state");
+    judging["label"] = json!("map");
     let space = panels.get_mut("3D!space")?;
     let topics = space.get_mut("topics")?.as_object_mut()?;
     topics

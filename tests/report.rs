@@ -352,7 +352,7 @@ fn a_page_overwrites_nothing_unless_it_is_told_to_and_never_its_recording() {
     std::fs::write(world.path("r.html"), "mine").unwrap();
     let ran = world.run(&["report", "x.mcap", "-o", "r.html"]);
     assert_eq!(ran.code, Some(2), "{ran:?}");
-    assert!(ran.err.contains("r.html is there already"), "{}", ran.err);
+    assert!(ran.err.contains("r.html exists"), "{}", ran.err);
     assert_eq!(std::fs::read(world.path("r.html")).unwrap(), b"mine");
     let before = std::fs::read(world.path("x.mcap")).unwrap();
     let ran = world.run(&["report", "x.mcap", "-o", "x.mcap", "--force"]);

@@ -11,7 +11,7 @@ use messages::bus::Level;
 use messages::change::Change;
 use messages::recording::Recording;
 use messages::{Kind, Rig, Stage, Topic};
-use record::Comparison;
+use record::{Comparison, MEASURED};
 use replay::verify::{Findings, depth};
 use replay::{Choice, Selection, check_cut, replayed_kinds};
 use serde::Serialize;
@@ -97,7 +97,11 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
         said: said.lines(),
         // Which files the images were is as true of what is made of them now.
         remarks: std::iter::once(("changed", json!(changed)))
-            .chain(recorded.get("input").map(|input| ("input", input.clone())))
+            .chain(
+                ["input", MEASURED]
+                    .into_iter()
+                    .filter_map(|key| Some((key, recorded.get(key)?.clone()))),
+            )
             .collect(),
         is_quiet: args.json,
         timeline: Some(Timeline(

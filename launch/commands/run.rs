@@ -11,6 +11,7 @@ use messages::bus::Level;
 use messages::ledger::Ledger;
 use messages::words::counted;
 use messages::{Delivery, Rail, Rig, Size, Sway};
+use record::MEASURED;
 use serde_json::{Value, json};
 
 use crate::cli::Run as Args;
@@ -50,6 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         remarks: super::input::recorded(&source)
             .map(|input| ("input", input))
             .into_iter()
+            .chain([(MEASURED, json!(graph.all_measured()))])
             .collect(),
         is_quiet: args.json,
         timeline: None,
@@ -127,7 +129,7 @@ pub(super) fn plan(
     settle_rail(&mut graph, &source, &mut said);
     // So that nobody has to find it out again, and that it is recorded.
     if let Some(bits) = source.bits() {
-        graph.fill_in("capture", "bits", bits);
+        graph.measured("capture", "bits", bits);
     }
     settle_truth(&mut graph, &source)?;
     let rig = rig(&graph, &source)?;
@@ -244,8 +246,8 @@ fn open_source(graph: &Graph) -> Result<Source, Failure> {
 /// Settles which topics of a bag are its views, so that it is recorded.
 fn settle_topics(graph: &mut Graph, source: &Source) {
     if let Some(topics) = source.topics() {
-        graph.fill_in("capture", "topics", json!(topics));
-        graph.fill_in("capture", "views", json!("all"));
+        graph.measured("capture", "topics", json!(topics));
+        graph.measured("capture", "views", json!("all"));
     }
 }
 
@@ -255,8 +257,8 @@ fn settle_rail(graph: &mut Graph, source: &Source, said: &mut Early) {
         graph.remove("map");
         return;
     };
-    graph.fill_in("capture", "stride", rail.stride);
-    graph.fill_in("capture", "drift", rail.drift_px);
+    graph.measured("capture", "stride", rail.stride);
+    graph.measured("capture", "drift", rail.drift_px);
     // What lies behind the plane that the pictures were aligned to moves with the camera.
     let least = graph.settings_of("match").get("disparity_least");
     let is_default = least.and_then(Value::as_f64) == Some(0.0);
@@ -269,7 +271,7 @@ fn settle_rail(graph: &mut Graph, source: &Source, said: &mut Early) {
             "disparities go down to {least} px and are searched from there; match.disparity_least says another"
         );
         said.say(Level::Info, "match", text);
-        graph.fill_in("match", "disparity_least", f64::from(least));
+        graph.measured("match", "disparity_least", f64::from(least));
     }
 }
 

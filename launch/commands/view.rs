@@ -489,7 +489,10 @@ fn checked(args: &Args, codec: &Codec, there: &There) -> Result<Outcome, Failure
             crate::say!("view: {missing}");
         }
         if !without_truth.is_empty() {
-            crate::say!("view: the source knows no truth: the plots of accuracy stay empty");
+            crate::say!(
+                "view: the source knows no truth: what the layout has for it stays empty ({})",
+                without_truth.join(", ")
+            );
         }
     }
     Ok(match missing.is_empty() {

@@ -111,14 +111,13 @@ impl Focus {
         let topics = space.pointer_mut("/topics").and_then(Value::as_object_mut);
         for topic in topics.into_iter().flat_map(|topics| topics.values_mut()) {
             let spread = match topic.get("colorField").and_then(Value::as_str) {
-                Some("sigma") => self.sigma,
-                Some(_) => Some(self.disparity),
+                // No picture shows deviations, and none is below zero.
+                Some("sigma") => self.sigma.map(|span| span.ends().into()),
+                // Viewers use all of the colours, pictures a part of them: this makes them the same.
+                Some(_) => Some(Colours::whole_range(self.disparity.ends().into())),
                 None => None,
             };
-            if let Some(span) = spread {
-                // Viewers use all of the colours, pictures a part of them: this makes them the same.
-                let (least, most) = span.ends();
-                let [least, most] = Colours::whole_range([least, most]);
+            if let Some([least, most]) = spread {
                 topic["minValue"] = json!(least);
                 topic["maxValue"] = json!(most);
             } else if topic.get("distance").is_some() {

@@ -163,19 +163,21 @@ impl fmt::Display for Summary {
                 .counts
                 .iter()
                 .filter(|(name, count)| **count > 0 && *name != "scans");
-            // What is there once a scan or less is told of all scans, and what belongs to it too.
-            let is_rare = counts.clone().any(|(_, n)| each(n) <= 1.0);
-            let note = |(name, n): (&String, &u64)| match is_rare {
-                true => format!("{n} {name}"),
-                false => format!("{:.0} {name}", each(n)),
+            // What is there once a scan or less is told of all scans.
+            let (often, seldom): (Vec<_>, Vec<_>) = counts.partition(|(_, n)| each(n) > 1.0);
+            let often = often
+                .into_iter()
+                .map(|(name, n)| format!("{:.0} {name}", each(n)));
+            let mut notes: Vec<String> = often.collect();
+            let all = match node.restarts {
+                0 => "in all",
+                _ => "since its last restart",
             };
-            let mut notes: Vec<String> = counts.map(note).collect();
-            if is_rare {
-                notes.push(match node.restarts {
-                    0 => "in all".to_owned(),
-                    _ => "since its last restart".to_owned(),
-                });
-            }
+            notes.extend(
+                seldom
+                    .into_iter()
+                    .map(|(name, n)| format!("{all} {n} {name}")),
+            );
             if node.restarts > 0 {
                 let times = match node.restarts {
                     1 => "once".to_owned(),

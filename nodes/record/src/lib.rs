@@ -45,8 +45,8 @@ pub use export::{CSV_HEADER, Export, ExportError, Exported, export, whole};
 pub use info::{Info, PartInfo, ScansInfo, TopicInfo};
 pub use messages::record::{Encoder, Sink};
 pub use report::{
-    Known, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report, settings_in_lines,
-    shown, thesis,
+    Known, MEASURED, MOST_SCENES, Mismatches, Page, ReportError, Reported, Rivals, report,
+    settings_in_lines, shown, thesis,
 };
 pub use rewrite::{RewriteError, Rewritten, Split, Wanted, read_and_written, rewrite};
 pub use seal::{SealError, Sealed, seal};

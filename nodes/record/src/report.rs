@@ -35,7 +35,7 @@ use crate::info::{bytes, date, some_of};
 use crate::{ExportError, Info, Recording};
 
 pub use accuracy::{Mismatches, Rivals};
-pub use settings::{Known, settings_in_lines};
+pub use settings::{Known, MEASURED, settings_in_lines};
 pub use thesis::thesis;
 
 /// Why there is no page.
@@ -45,7 +45,7 @@ pub enum ReportError {
     #[error(transparent)]
     Write(#[from] ExportError),
     /// There is a file already.
-    #[error("{} is there already; --force overwrites it", .0.display())]
+    #[error("{} exists; --force overwrites it", .0.display())]
     Exists(PathBuf),
     /// None of the scans that were asked for is there.
     #[error("no scan of the recording is among those asked for; it holds {0}")]

@@ -393,7 +393,7 @@ impl<'a> Drawn<'a> {
             class: class(sheet, Look::Sparse),
             alt: &format!("Confidence of each point, view {}", self.reference()),
             caption: html! {
-                b { "Confidence" } " of each point: the chance, by its score, that it is off by over a pixel"
+                b { "Confidence" } " of each point, by its score: the colour tells the chance that it is wrong by over a pixel"
                 (legend::of(Pictured::Confidence))
             },
         };

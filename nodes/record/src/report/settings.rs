@@ -1,6 +1,6 @@
 //! All settings of a recording, and which of them are not what they would be by themselves.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use maud::{Markup, html};
 use messages::change::{Change, shown};
@@ -32,6 +32,9 @@ const SAID_ELSEWHERE: [(&str, &str); 7] = [
 /// The profile that a run has when it asks for none.
 const DEFAULT: &str = "default";
 
+/// Under this key a configuration says which of its settings were found out from the source, each as `node.key`.
+pub const MEASURED: &str = "measured";
+
 /// One setting.
 struct Setting<'a> {
     node: &'a str,
@@ -39,6 +42,8 @@ struct Setting<'a> {
     value: &'a Value,
     /// What it is in the profile, when that is known.
     usual: Option<&'a Value>,
+    /// Whether nobody set it: it was found out from the source.
+    is_measured: bool,
 }
 
 impl Setting<'_> {
@@ -70,6 +75,12 @@ pub(super) struct Compared<'a> {
 
 impl<'a> Compared<'a> {
     pub(super) fn new(configuration: &'a Value, known: &'a Known) -> Self {
+        let measured = configuration.get(MEASURED).and_then(Value::as_array);
+        let measured: BTreeSet<&str> = measured
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .collect();
         let with = |profile: Option<&'a Value>| -> Vec<Setting<'a>> {
             let nodes = configuration.as_object().into_iter().flatten();
             let mut nodes: Vec<_> = nodes.collect();
@@ -83,6 +94,7 @@ impl<'a> Compared<'a> {
                 key,
                 value,
                 usual: profile.and_then(|nodes| nodes.get(node)?.get(key)),
+                is_measured: measured.contains(&*format!("{node}.{key}")),
             })
             .collect()
         };
@@ -98,18 +110,18 @@ impl<'a> Compared<'a> {
         })
     }
 
-    /// What was set, by hand or by the profile.
-    fn others(&self) -> Vec<&Setting<'a>> {
+    /// What was set by hand, and what was found out from the source.
+    fn others(&self) -> (Vec<&Setting<'a>>, Vec<&Setting<'a>>) {
         let settings = self.settings.iter();
         let others = settings.filter(|setting| setting.is_other() && !setting.is_said_elsewhere());
-        others.collect()
+        others.partition(|setting| !setting.is_measured)
     }
 
     /// What was set: what differs from the profile with what it would be, what was changed meanwhile, and the rest folded.
     pub(super) fn section(&self, meanwhile: &[Change], graph: &str, known: &'a Known) -> Markup {
         let defaults = known.profiles.iter().find(|(name, _)| name == DEFAULT);
         let defaults = defaults.map(|(_, nodes)| nodes);
-        let others = self.others();
+        let (others, measured) = self.others();
         // A profile's own settings were not set by hand, but they are not the default either.
         let of_profile: Vec<&Setting<'a>> = match self.profile {
             None | Some(DEFAULT) => Vec::new(),
@@ -135,6 +147,10 @@ impl<'a> Compared<'a> {
                             }
                         }
                         @if !others.is_empty() { (beside(&others, profile, defaults, known)) }
+                        @if !measured.is_empty() {
+                            p { "Found out from the source, and not set:" }
+                            (beside(&measured, profile, defaults, known))
+                        }
                         @if !of_profile.is_empty() {
                             details {
                                 summary {
@@ -258,13 +274,20 @@ pub fn settings_in_lines(configuration: &Value, known: &Known, all: bool) -> Vec
     let Some(profile) = compared.profile.filter(|_| !all) else {
         return settings.map(line).collect();
     };
-    let others: Vec<_> = compared.others().into_iter().map(line).collect();
+    let (others, measured) = compared.others();
+    let others: Vec<_> = others.into_iter().map(line).collect();
+    let measured: Vec<_> = measured.into_iter().map(line).collect();
     let but_for = match others.is_empty() {
         true => ", nothing set otherwise",
         false => ", but for",
     };
     let head = format!("profile {profile}{but_for}");
-    std::iter::once(head).chain(others).collect()
+    let found = (!measured.is_empty()).then(|| "found out from the source:".to_owned());
+    std::iter::once(head)
+        .chain(others)
+        .chain(found)
+        .chain(measured)
+        .collect()
 }
 
 /// How many settings were changed while it was recorded, in a line.
@@ -336,6 +359,39 @@ fn is_equal(one: &Value, other: &Value) -> bool {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn what_was_found_out_from_the_source_does_not_stand_among_what_was_set() {
+        let default = json!({"capture": {"stride": null, "rate": 10.0}});
+        let known = Known {
+            profiles: vec![(DEFAULT.to_owned(), default)],
+            ..Known::default()
+        };
+        let capture = json!({"stride": 2, "rate": 30.0});
+        let found = json!({"capture": capture, MEASURED: ["capture.stride"]});
+        assert_eq!(
+            settings_in_lines(&found, &known, false),
+            [
+                "profile default, but for",
+                "capture.rate = 30.0",
+                "found out from the source:",
+                "capture.stride = 2"
+            ]
+        );
+        let compared = Compared::new(&found, &known);
+        let section = compared.section(&[], "", &known).into_string();
+        let (set, measured) = section
+            .split_once("Found out from the source")
+            .unwrap_or_default();
+        assert!(
+            set.contains("but for 1 setting:") && set.contains("capture.rate"),
+            "{set}"
+        );
+        assert!(
+            !set.contains("capture.stride") && measured.contains("capture.stride"),
+            "{measured}"
+        );
+    }
 
     #[test]
     fn the_nearest_profile_is_found_and_what_differs_from_it_told() {
