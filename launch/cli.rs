@@ -20,7 +20,8 @@ pub(crate) struct Cli {
 }
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done, 1 failed, 2 wrong use, 3 finished but data was lost, 130 aborted by a second signal.";
+Exit codes: 0 done, 1 failed, 2 wrong use, 3 finished but data was lost, 10 to 12 what a comparison says (better, worse,
+different), 130 aborted by a second signal.";
 
 /// The hidden command by which this program becomes a node of a run.
 pub(crate) const BE_NODE: &str = "_node";
@@ -592,7 +593,7 @@ pub(crate) struct Export {
     /// Only this scan
     #[arg(long, value_name = "N")]
     pub(crate) scan: Option<u64>,
-    /// The points as CSV: scan,view,channel,curve,x,y,disparity,score,depth
+    /// The points as CSV; like every file written here, it replaces one of the same name: scan,view,channel,curve,x,y,disparity,score,depth
     #[arg(long, value_name = "FILE")]
     pub(crate) csv: Option<PathBuf>,
     /// The disparity picture of one scan as PFM

@@ -61,6 +61,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             }
         }
     }
+    if let Some(why) = super::run::too_few_for_a_map(&graph, &source).filter(|_| !args.json) {
+        crate::say!("warning: {why}");
+    }
     let rows = rows_of(&source, SCENES);
     let looked = Looked::at_rows(&mut source, &rows, capture.calibration.is_some());
     let measured = measured(&graph, &mut source, &rows)?;

@@ -39,7 +39,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         .calibration
         .is_some_and(|camera| camera.calibrated)
     {
-        crate::say!("tricurve: the cameras are not calibrated: depths are right up to one factor");
+        crate::say!(
+            "tricurve: the cameras are not calibrated: depths are right up to one factor, shapes only with the right focal length"
+        );
     }
     let _computed = match recording.is_proof() {
         true => complete(&mut recording, &wanted)?,
@@ -54,8 +56,9 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     for Exported { path, points } in &written {
         if *points == Some(0) {
             crate::say!(
-                "tricurve: {} holds no points: none was matched; `tricurve info` says how many each scan has",
-                path.display()
+                "tricurve: {} holds no points: {}",
+                path.display(),
+                why_empty(path, &wanted)
             );
         }
         if path != Path::new("-") {
@@ -77,6 +80,14 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         true => Outcome::Lost,
         false => Outcome::Done,
     })
+}
+
+/// Why a file that was written holds no points.
+fn why_empty(path: &Path, wanted: &Export) -> &'static str {
+    match wanted.map.as_deref() == Some(path) {
+        true => "none was seen in as many triples as map.sightings asks for",
+        false => "none was matched; the first frames of a rail have no triple yet",
+    }
 }
 
 /// Computes what is exported of a proof and is not in it.

@@ -29,6 +29,12 @@ use crate::said::Early;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    if args.compare && Stage::from(args.from) > Stage::Match {
+        return Err(Failure::usage(format!(
+            "--compare compares points, and from {} on none are computed: --from match, or an earlier stage",
+            Stage::from(args.from).name()
+        )));
+    }
     if !args.compare || args.record.is_some() {
         return play(args, true);
     }
@@ -130,6 +136,7 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
     });
     let compared = match (&new_recording, ran.outcome) {
         (Some(new), Outcome::Done) if args.compare => {
+            // Those before the first one wanted are not recorded, but counted.
             let scans: Vec<u64> = selection.scans.iter().map(|(scan, _)| *scan).collect();
             Some(compare::with_replayed(&args.file, new, &scans)?)
         }
@@ -229,12 +236,15 @@ impl Plan {
             graph.remove("evaluate");
         }
         let rig = rig(&graph, &source)?;
-        // What is verified along a rail depends on frames before: they are played too.
+        // What is verified or compared along a rail depends on frames before: they are played too.
         let depths = Kind::ALL.map(|kind| depth(&rig, from, kind));
         let is_computed = |(kind, _): &(Kind, u64)| graph.has(kind.stage().name());
         let depths = Kind::ALL.into_iter().zip(depths).filter(is_computed);
         let before = depths.map(|(_, depth)| depth).max().unwrap_or(0);
-        let before = if args.verify { before } else { 0 };
+        let before = match args.verify || args.compare {
+            true => before,
+            false => 0,
+        };
         let choice = Choice {
             from,
             taken: graph.taken(),

@@ -158,6 +158,7 @@ pub(super) fn plan(
 }
 
 fn overrides(args: &Args) -> Result<Overrides, Failure> {
+    let mut overrides = Overrides::parse(&args.set)?;
     // A flag that takes nothing: what follows it is taken for a graph file.
     let is_views = |file: &PathBuf| {
         file.to_str()
@@ -173,7 +174,12 @@ fn overrides(args: &Args) -> Result<Overrides, Failure> {
             file = file.display()
         )));
     }
-    let mut overrides = Overrides::parse(&args.set)?;
+    if let Some(file) = args.graph.as_ref().filter(|file| file.is_dir()) {
+        return Err(Failure::usage(format!(
+            "{file} is a folder, and a graph file is expected here; images are given with --source {file}",
+            file = file.display()
+        )));
+    }
     if args.view {
         overrides.with("bridge");
     }
@@ -259,6 +265,9 @@ fn settle_rail(graph: &mut Graph, source: &Source, said: &mut Early) {
     };
     graph.measured("capture", "stride", rail.stride);
     graph.measured("capture", "drift", rail.drift_px);
+    if let Some(why) = too_few_for_a_map(graph, source) {
+        said.say(Level::Warn, "map", why);
+    }
     // What lies behind the plane that the pictures were aligned to moves with the camera.
     let least = graph.settings_of("match").get("disparity_least");
     let is_default = least.and_then(Value::as_f64) == Some(0.0);
@@ -273,6 +282,21 @@ fn settle_rail(graph: &mut Graph, source: &Source, said: &mut Early) {
         said.say(Level::Info, "match", text);
         graph.measured("match", "disparity_least", f64::from(least));
     }
+}
+
+/// Why a rail's frames make no map, if there are too few of them.
+pub(super) fn too_few_for_a_map(graph: &Graph, source: &Source) -> Option<String> {
+    let sightings = graph.settings_of("map").get("sightings")?.as_u64()?;
+    let (rail, frames) = (source.rail()?, source.scans());
+    // The first triple is there with its third frame, and every further frame brings one.
+    let least = 2 * rail.stride as u64 + sightings;
+    (frames < least).then(|| {
+        format!(
+            "{frames} frames make no map: a point enters it once {sightings} triples have seen it (map.sightings), and at \
+             stride {} that takes {least} frames",
+            rail.stride
+        )
+    })
 }
 
 /// Lets results be evaluated where the source knows the truth, and nowhere else.

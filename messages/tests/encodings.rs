@@ -1329,13 +1329,15 @@ fn the_longest_matched_curves_are_labelled_where_no_label_covers_another() {
             |b: &[f64; 4]| b[0] < *right && *left < b[1] && b[2] < *bottom && *top < b[3];
         assert!(!boxes[i + 1..].iter().any(overlaps));
     }
+    // A legend's line stands on its colour, a label is of it.
+    let paper = |text: &fg::TextAnnotation| text.background_color.unwrap();
     let colour = |text: &fg::TextAnnotation| text.text_color.unwrap();
     assert_eq!(
-        colour(&drawn.texts[0]),
+        paper(&drawn.texts[0]),
         drawn.points[8].outline_color.unwrap()
     );
     assert_eq!(
-        colour(&drawn.texts[4]),
+        paper(&drawn.texts[4]),
         drawn.points[0].outline_color.unwrap()
     );
     assert_eq!(
@@ -1472,7 +1474,7 @@ fn rejected_curves_are_drawn_and_labelled_by_their_reason() {
     let colours: Vec<_> = read.points.iter().map(|p| p.outline_color).collect();
     assert_eq!(colours[0], colours[3]);
     assert!(colours[0] != colours[1] && colours[1] != colours[2]);
-    assert_eq!(read.texts[1].text_color, colours[0]);
+    assert_eq!(read.texts[1].background_color, colours[0]);
     // In another view those that no match names.
     let read = draw(2);
     assert_eq!(texts(&read)[0], "5 in no match");

@@ -176,7 +176,7 @@ impl fmt::Display for Summary {
             notes.extend(
                 seldom
                     .into_iter()
-                    .map(|(name, n)| format!("{all} {n} {name}")),
+                    .map(|(name, n)| format!("{n} {name} {all}")),
             );
             if node.restarts > 0 {
                 let times = match node.restarts {

@@ -22,6 +22,15 @@ pub(super) fn opaque(rgb: [u8; 3]) -> Colour {
 /// Behind texts: dark enough for every colour to be read, and the image is still seen.
 const BACKGROUND: Colour = [0.0, 0.0, 0.0, 0.7];
 
+/// What is read best on a colour: black or white.
+fn ink_on([red, green, blue, _]: Colour) -> Colour {
+    // How bright an eye takes the three for (ITU-R BT.601).
+    match 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 {
+        true => [0.0, 0.0, 0.0, 1.0],
+        false => [1.0; 4],
+    }
+}
+
 /// Around dots, so that they are seen on their own curve.
 const RIM: Colour = [0.0, 0.0, 0.0, 0.8];
 
@@ -94,15 +103,15 @@ impl<'a> Sheet<'a> {
         self.fill.double(7, 0.8);
     }
 
-    /// A text whose lower left corner is here.
-    pub(super) fn text(&mut self, corner: [f32; 2], text: &str, height: f32, colour: Colour) {
+    /// A text whose lower left corner is here, of this colour before that one.
+    fn text(&mut self, corner: [f32; 2], text: &str, height: f32, [ink, paper]: [Colour; 2]) {
         let text_len = 1 + varint_len(text.len() as u64) + text.len();
         self.open(3, POINT + text_len + DOUBLE + 2 * COLOUR);
         self.place(2, corner);
         self.fill.text(3, text);
         self.fill.double(4, height.into());
-        self.colour(5, colour);
-        self.colour(6, BACKGROUND);
+        self.colour(5, ink);
+        self.colour(6, paper);
     }
 
     /// The last there is to say.
@@ -181,7 +190,7 @@ impl Labels {
         0.6 * self.height * letters as f32
     }
 
-    /// Adds a line to the legend in the upper left corner. To be done before curves are named.
+    /// Adds a line on a colour to the legend in the upper left corner. To be done before curves are named.
     pub(super) fn tell(&mut self, sheet: &mut Sheet<'_>, text: fmt::Arguments<'_>, colour: Colour) {
         self.compose(text);
         let height = self.legend;
@@ -192,7 +201,7 @@ impl Labels {
             height,
         ];
         self.places.mark(corner, extent, self.height / 2.0);
-        sheet.text(corner, &self.text, height, colour);
+        sheet.text(corner, &self.text, height, [ink_on(colour), colour]);
     }
 
     /// Writes beside a curve's centroid, where there is room, with half a line to the next text; nothing when the curve
@@ -216,7 +225,7 @@ impl Labels {
         let is_free = |&at: &[f32; 2]| places.take(at, [width, height], height / 2.0);
         let corner = sides.into_iter().find(is_free);
         if let Some(corner) = corner {
-            sheet.text(corner, &self.text, height, colour);
+            sheet.text(corner, &self.text, height, [colour, BACKGROUND]);
         }
         corner.is_some()
     }

@@ -573,7 +573,7 @@ pub enum SourceError {
     },
 
     /// A recording of tricurve where a bag is wanted.
-    #[error("{} is a recording of tricurve: `tricurve replay {}` plays it, `tricurve report` shows how it compares with the truth", path.display(), path.display())]
+    #[error("{} is a recording of tricurve: `tricurve replay {}` plays it, `tricurve report` shows what is in it", path.display(), path.display())]
     OwnRecording {
         /// The file.
         path: PathBuf,

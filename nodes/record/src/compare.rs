@@ -186,7 +186,7 @@ pub struct Comparison {
     pub truth: Option<[Truth; 2]>,
     /// How well views agree, where both hold their matches.
     pub agreement: Option<[Agreement; 2]>,
-    /// The maps, where both have one.
+    /// The maps, where both have one of the same scans.
     pub maps: Option<[Mapped; 2]>,
     /// How long scans took in the stages whose times both know.
     pub time: Option<Time>,
@@ -257,14 +257,20 @@ pub fn compare(
     apart.sort_unstable_by(f32::total_cmp);
     shared.median = apart.get(apart.len() / 2).copied().unwrap_or_default();
     shared.most = apart.last().copied().unwrap_or_default();
+    let only = [&of_a, &of_b].map(|scans| (scans.len() - common.len()) as u64);
     let scans = [0, 1].map(|which| common.iter().map(|pair| pair[which]).collect::<Vec<_>>());
     let truth = both(truth(a, &scans[0])?, truth(b, &scans[1])?);
     let agreement = both(agreement(a, &scans[0])?, agreement(b, &scans[1])?);
     let time = time([stage_times(a, &scans[0])?, stage_times(b, &scans[1])?]);
-    let maps = both(mapped(a)?, mapped(b)?);
+    // A map is of all frames.
+    let is_all = only == [0; 2];
+    let maps = match is_all {
+        true => both(mapped(a)?, mapped(b)?),
+        false => None,
+    };
     Ok(Comparison {
         scans: common.len() as u64,
-        only: [of_a.len() - common.len(), of_b.len() - common.len()].map(|only| only as u64),
+        only,
         other_images,
         settings: settings(a, b),
         points: shared,

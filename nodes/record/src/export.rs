@@ -233,7 +233,9 @@ fn ply(recording: &mut Recording, scan: u64, path: &Path) -> Result<usize, Expor
     let camera = rig.calibration(size);
     let units = match camera.calibrated {
         true => "calibrated: metres",
-        false => "not calibrated: metres up to one unknown factor",
+        false => {
+            "not calibrated: depths are right up to one factor, shapes only with the right focal length"
+        }
     };
     let count = points.view().points.len();
     let mut bytes = format!(
@@ -283,7 +285,9 @@ fn map_ply(recording: &mut Recording, path: &Path) -> Result<usize, ExportError>
         .is_some_and(|c| c.calibrated);
     let units = match calibrated {
         true => "calibrated: metres",
-        false => "not calibrated: metres up to one unknown factor",
+        false => {
+            "not calibrated: depths are right up to one factor, shapes only with the right focal length"
+        }
     };
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\n\

@@ -302,7 +302,9 @@ fn measured(recording: &Recording, info: &Info, shown: &[u64], figures: &[Figure
     let camera = rig.calibration(rig.size);
     let assumed = match info.calibrated {
         true => "",
-        false => "; assumed, so that depths are right up to one factor",
+        false => {
+            "; assumed, so that depths are right up to one factor, and shapes only with the right focal length"
+        }
     };
     let ledger = match (&info.ledger, info.balanced) {
         (Some(ledger), Some(is_balanced)) => format!(

@@ -50,7 +50,7 @@ pub(super) fn section(album: &mut Album, recording: &mut Recording) -> Result<Ma
     let camera = rig.calibration(rig.size);
     let legend = legend::disparities(span, &camera);
     let eyes = [
-        ("from the rail", "true to scale", Eye::front()),
+        ("from the rail", "one scale for both axes", Eye::front()),
         (
             "from above on the left",
             "in perspective",
@@ -58,7 +58,7 @@ pub(super) fn section(album: &mut Album, recording: &mut Recording) -> Result<Ma
         ),
         (
             "from above",
-            "true to scale; the rail is below and looks up",
+            "one scale for both axes; the rail is below and looks up",
             Eye::above(),
         ),
     ];

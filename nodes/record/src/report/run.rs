@@ -158,9 +158,11 @@ impl Run {
                 Quantity::of("pixels", "%"),
                 |of| of.known * 100.0,
             ),
-            ("recorded", Quantity::of("size", "MB"), |of| {
-                of.bytes as f64 / 1e6
-            }),
+            (
+                "recorded, before compression",
+                Quantity::of("size", "MB"),
+                |of| of.bytes as f64 / 1e6,
+            ),
         ];
         html! {
             @for (name, up, of) in counts {

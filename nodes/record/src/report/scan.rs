@@ -421,7 +421,7 @@ impl<'a> Drawn<'a> {
             h3 { "Points in space" }
             p {
                 @if self.camera.calibrated { "In metres: " }
-                @else { "The cameras are not calibrated, so that units are metres up to one unknown factor: " }
+                @else { "Not calibrated: depths are right up to one factor, shapes only with the right focal length. " }
                 (axes)
             }
             (points)
@@ -500,12 +500,12 @@ fn eyes() -> [(&'static str, &'static str, Eye); 3] {
         ),
         (
             "from the right",
-            "true to scale; the camera is on the left and looks right",
+            "one scale for both axes; the camera is on the left and looks right",
             Eye::side(),
         ),
         (
             "from above",
-            "true to scale; the camera is below and looks up",
+            "one scale for both axes; the camera is below and looks up",
             Eye::above(),
         ),
     ]

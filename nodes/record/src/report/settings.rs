@@ -51,8 +51,9 @@ impl Setting<'_> {
         self.usual.is_some_and(|usual| !is_equal(usual, self.value))
     }
 
-    fn is_said_elsewhere(&self) -> bool {
-        SAID_ELSEWHERE.contains(&(self.node, self.key))
+    /// Whether it is worth telling that it is another: not what the page says in words anyway.
+    fn is_told(&self) -> bool {
+        self.is_other() && !SAID_ELSEWHERE.contains(&(self.node, self.key))
     }
 
     /// What it is in these settings of all nodes.
@@ -113,7 +114,7 @@ impl<'a> Compared<'a> {
     /// What was set by hand, and what was found out from the source.
     fn others(&self) -> (Vec<&Setting<'a>>, Vec<&Setting<'a>>) {
         let settings = self.settings.iter();
-        let others = settings.filter(|setting| setting.is_other() && !setting.is_said_elsewhere());
+        let others = settings.filter(|setting| setting.is_told());
         others.partition(|setting| !setting.is_measured)
     }
 
@@ -214,7 +215,7 @@ impl<'a> Compared<'a> {
                     " " span { "node by node" }
                 }
                 @for node in self.settings.chunk_by(|one, other| one.node == other.node) {
-                    @let others = node.iter().filter(|setting| setting.is_other()).count();
+                    @let others = node.iter().filter(|setting| setting.is_told() && !setting.is_measured).count();
                     details {
                         summary {
                             (node.first().map_or("", |setting| setting.node)) " "
