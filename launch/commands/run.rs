@@ -289,7 +289,7 @@ pub(super) fn too_few_for_a_map(graph: &Graph, source: &Source) -> Option<String
     let sightings = graph.settings_of("map").get("sightings")?.as_u64()?;
     let (rail, frames) = (source.rail()?, source.scans());
     // The first triple is there with its third frame, and every further frame brings one.
-    let least = 2 * rail.stride as u64 + sightings;
+    let least = 2 * rail.stride + sightings;
     (frames < least).then(|| {
         format!(
             "{frames} frames make no map: a point enters it once {sightings} triples have seen it (map.sightings), and at \
