@@ -11,12 +11,13 @@ use serde_json::Value;
 use crate::Failure;
 use crate::graph::Graph;
 use crate::node::Orders;
+use crate::open_files;
 use crate::parameters::Parameters;
 use crate::progress::{Progress, Timeline};
 use crate::registry::versions;
 use crate::rundir::{self, RunDir};
+use crate::shared_memory::{self, InFlight};
 use crate::supervisor::{Duty, Ran, Supervisor, Watcher};
-use crate::{open_files, shared_memory};
 
 /// What is launched.
 pub(crate) struct Launch<'a> {
@@ -70,6 +71,7 @@ pub(crate) fn launch_before(
         remarks,
         changes,
         no_seek,
+        is_quiet,
         ..
     } = launch;
     // What is set otherwise from the start on is not said while it runs.
@@ -78,18 +80,27 @@ pub(crate) fn launch_before(
         node: change.node.clone(),
         text: change.to_string(),
     }));
-    let in_flight = graph.source_settings().get("in_flight");
-    let run = Run {
+    let in_flight = InFlight::of(graph.source_settings());
+    let mut run = Run {
         root: dir.path().to_owned(),
         prefix: dir.bus_prefix(),
         rig,
         delivery: graph.settings.delivery,
         cameras: graph.has_cameras(),
-        in_flight: in_flight.and_then(Value::as_u64).unwrap_or(1) as usize,
+        in_flight: in_flight.most(),
         nodes: graph.node_plans(),
     };
+    if let Some(why) = shared_memory::fit(&mut run, graph, in_flight)? {
+        if !is_quiet {
+            crate::say!("{}: {why}", graph.source_name());
+        }
+        said.push(Log {
+            level: Level::Info,
+            node: graph.source_name().to_owned(),
+            text: why,
+        });
+    }
     open_files::allow(&run)?;
-    shared_memory::check(&run, graph)?;
     let mut configuration = graph.configuration();
     if let Value::Object(configuration) = &mut configuration {
         let versions = versions().filter(|(stage, _)| graph.has(stage));

@@ -2,6 +2,8 @@
 
 use messages::bus::Run;
 use messages::settings::Settings as _;
+use messages::words::counted;
+use serde_json::Value;
 
 use crate::Failure;
 use crate::graph::Graph;
@@ -11,11 +13,46 @@ use crate::rundir::{self, SHARED_MEMORY};
 /// picture exceeds, has a zero-crossing at less than a third of its pixels in the finest channel allowed.
 const DENSEST: f64 = 1.0 / 3.0;
 
-/// Says before the start when shared memory could run full: the kernel would kill a node in the middle of its work.
+/// Scans that are under way when nobody says how many: with one before each stage that works and one in it.
+const BY_ITSELF: usize = 8;
+
+/// How many scans may be under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum InFlight {
+    /// So many.
+    Set(usize),
+    /// As many as there is room for, up to [`BY_ITSELF`].
+    Fitting,
+}
+
+impl InFlight {
+    /// What the settings of the node say that lets scans in; one that has no such setting works through one at a time.
+    pub(crate) fn of(source: &Value) -> Self {
+        match source.get("in_flight") {
+            Some(Value::Null) => Self::Fitting,
+            said => Self::Set(said.and_then(Value::as_u64).unwrap_or(1) as usize),
+        }
+    }
+
+    /// The most that it may come to.
+    pub(crate) fn most(self) -> usize {
+        match self {
+            Self::Set(set) => set,
+            Self::Fitting => BY_ITSELF,
+        }
+    }
+}
+
+/// Says before the start when shared memory could run full: the kernel would kill a node in the middle of its work. Lets in
+/// fewer scans at a time where nobody said how many, and then says so.
 ///
 /// # Errors
 /// When it has too little room.
-pub(crate) fn check(run: &Run, graph: &Graph) -> Result<(), Failure> {
+pub(crate) fn fit(
+    run: &mut Run,
+    graph: &Graph,
+    in_flight: InFlight,
+) -> Result<Option<String>, Failure> {
     let free = rundir::free_bytes()
         .map_err(|e| Failure::failed(format!("cannot look at {SHARED_MEMORY}: {e}")))?;
     let reach = run.rig.reach();
@@ -24,27 +61,45 @@ pub(crate) fn check(run: &Run, graph: &Graph) -> Result<(), Failure> {
     let scan = (scan as f64 * DENSEST).ceil() as u64;
     let need = scan * scans;
     if free >= need {
-        return Ok(());
+        return Ok(None);
     }
-    let less = Less {
-        source: graph.source_name(),
-        in_flight: run.in_flight as u64,
-        room: free / scan.max(1),
-        reach,
-    };
-    let map = serde_json::from_value(graph.settings_of("map").clone());
-    let map = map.ok().filter(|_| graph.has("map"));
+    let room = free / scan.max(1);
+    let [need_mb, free_mb] = [need as f64 / 1e6, free as f64 / 1e6];
     let depended_on = match reach {
         0 => String::new(),
         _ => format!(" and {reach} before them that they depend on"),
     };
+    let fits = room.saturating_sub(reach) as usize;
+    if in_flight == InFlight::Fitting && fits >= 1 {
+        let why = format!(
+            "{} at a time, where {} would be quicker: {SHARED_MEMORY} has {:.0} MB free, and {} of {} under way{depended_on} \
+             can need {:.0} MB (in a container: --shm-size={}m)",
+            counted(fits as u64, "scan"),
+            run.in_flight,
+            free_mb.floor(),
+            counted(run.in_flight as u64, "scan"),
+            run.rig.size,
+            need_mb.ceil(),
+            (need >> 20) + 1,
+        );
+        run.in_flight = fits;
+        return Ok(Some(why));
+    }
+    let less = Less {
+        source: graph.source_name(),
+        in_flight: run.in_flight as u64,
+        room,
+        reach,
+    };
+    let map = serde_json::from_value(graph.settings_of("map").clone());
+    let map = map.ok().filter(|_| graph.has("map"));
     Err(Failure::failed(format!(
-        "{} scans of {} under way{depended_on} can need {:.0} MB of shared memory, {SHARED_MEMORY} has {:.0} MB free: make \
-         it larger (in a container: --shm-size={}m){}",
-        run.in_flight,
+        "{} of {} under way{depended_on} can need {:.0} MB of shared memory, {SHARED_MEMORY} has {:.0} MB free: make it larger \
+         (in a container: --shm-size={}m){}",
+        counted(run.in_flight as u64, "scan"),
         run.rig.size,
-        (need as f64 / 1e6).ceil(),
-        (free as f64 / 1e6).floor(),
+        need_mb.ceil(),
+        free_mb.floor(),
         (need >> 20) + 1,
         less.advice(map),
     )))

@@ -1,4 +1,4 @@
-//! Recording on a disk that has hardly any room.
+//! Recording on a disk that has hardly any room, and running in little shared memory.
 #![expect(clippy::unwrap_used, reason = "tests")]
 
 mod harness;
@@ -13,8 +13,13 @@ use messages::recording::Recording;
 /// where the system lets nobody make such a disk.
 fn on_a_small_disk(world: &World, megabytes: u32, arguments: &[&str]) -> Option<Ran> {
     fs::create_dir_all(world.path("small")).unwrap();
+    with_little_room(world, "small", megabytes, arguments)
+}
+
+/// Runs with a small disk of its own in this place, and keeps what is on it in the end.
+fn with_little_room(world: &World, place: &str, megabytes: u32, arguments: &[&str]) -> Option<Ran> {
     let script = format!(
-        "mount -t tmpfs -o size={megabytes}m tmpfs small || exit 77\n\
+        "mount -t tmpfs -o size={megabytes}m tmpfs {place} || exit 77\n\
          \"$@\"; code=$?\n\
          cp small/* . 2>/dev/null; exit $code"
     );
@@ -107,4 +112,30 @@ fn without_room_to_begin_with_nothing_is_begun() {
         ran.err
     );
     assert!(!world.path("x.mcap").exists());
+}
+
+#[test]
+fn in_little_shared_memory_fewer_scans_are_let_in_at_a_time_and_none_is_lost() {
+    let world = World::new();
+    let run = |megabytes: u32, more: &[&str]| {
+        let run = ["run", "--scans", "6", "--record", "x.mcap", "--force"];
+        with_little_room(&world, "/dev/shm", megabytes, &[&run, more].concat())
+    };
+    let Some(ran) = run(170, &[]) else {
+        return;
+    };
+    assert_eq!(ran.code, Some(0), "{ran:?}");
+    let told = "capture: 2 scans at a time, where 8 would be quicker: /dev/shm has";
+    assert!(ran.err.contains(told), "{}", ran.err);
+    let recording = Recording::open(&world.path("x.mcap")).unwrap();
+    assert_eq!(recording.whole_scans().len(), 6);
+    // Who says how many is not given fewer, and one that does not fit is no run.
+    for (megabytes, more) in [(170, &["--set", "capture.in_flight=8"][..]), (40, &[][..])] {
+        let Some(ran) = run(megabytes, more) else {
+            return;
+        };
+        assert_eq!(ran.code, Some(1), "{ran:?}");
+        let told = "under way can need 607 MB of shared memory, /dev/shm has";
+        assert!(ran.err.contains(told), "{}", ran.err);
+    }
 }

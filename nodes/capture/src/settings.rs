@@ -136,9 +136,9 @@ messages::settings! {
         /// How many scans; a source with fewer begins again. By default a folder is read once and a rendered scene
         /// gives 30 scans: one or two seconds of work, enough for steady figures.
         pub scans: Option<u64> = None, in 1..=1e15;
-        /// How many scans may be under way at once. Eight keep every stage of the chain busy, with one scan waiting
-        /// before each.
-        pub in_flight: usize = 8, in 1..=30;
+        /// How many scans may be under way at once. By itself eight, which keep every stage of the chain busy with one scan
+        /// waiting before each, or as many as shared memory has room for.
+        pub in_flight: Option<usize> = None, in 1..=30;
         /// Scans a second, in Hz, by which a source without times of its own is dated: scan n is taken n / rate after
         /// the start. It does not slow the source down.
         pub rate: f64 = 10.0, in 0.001..=1000000.0;

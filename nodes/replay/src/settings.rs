@@ -27,8 +27,8 @@ messages::settings! {
         pub repeat: bool = false;
         /// Begin with a pause.
         pub paused: bool = false;
-        /// How many scans may be under way at once.
-        pub in_flight: usize = 8, in 1..=30;
+        /// How many scans may be under way at once; by itself eight, or as many as shared memory has room for.
+        pub in_flight: Option<usize> = None, in 1..=30;
     }
 }
 
