@@ -1,18 +1,20 @@
 //! The graph file: which nodes run, with which settings.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use capture::Layout;
 use messages::bus::NodePlan;
+use messages::ledger::Shard;
 use messages::settings::{Key, Settings as _, nearest};
-use messages::{Delivery, Kind, Reference};
+use messages::{Delivery, Kind, Reference, Rig};
 use serde::Deserialize as _;
 use serde_json::{Map, Value};
 
-use crate::Failure;
 use crate::profile::Profile;
 use crate::registry::{self, NODES, NodeType};
+use crate::{Failure, instances};
 
 const BUILT_IN: &str = include_str!("default.toml");
 
@@ -40,6 +42,8 @@ pub(crate) struct Graph {
     /// The graph's own keys.
     pub(crate) settings: Settings,
     nodes: Vec<(&'static NodeType, Value)>,
+    /// How many instances nodes have, where it is more than one.
+    instances: BTreeMap<&'static str, u64>,
     /// Which settings nobody chose: they were found out from the source.
     measured: Vec<(&'static str, &'static str)>,
 }
@@ -99,6 +103,7 @@ impl Graph {
             };
             table.insert(key.clone(), value.clone());
         }
+        let mut counts = BTreeMap::new();
         let mut take =
             |name: &str, keys: &[Key], mut whole: Value| -> Result<Option<Value>, String> {
                 let Some(given) = tables.remove(name) else {
@@ -109,6 +114,10 @@ impl Graph {
                 };
                 if let Value::Object(whole) = &mut whole {
                     for (key, value) in given {
+                        if key == instances::KEY.name && instances::may_have(name) {
+                            counts.insert(name.to_owned(), instances::parsed(name, &value)?);
+                            continue;
+                        }
                         known_key(name, &key, keys)?;
                         whole.insert(key, value);
                     }
@@ -129,6 +138,7 @@ impl Graph {
         }
         let mut graph = Self {
             settings,
+            instances: instances::settled(&counts),
             nodes,
             measured: Vec::new(),
         };
@@ -331,13 +341,38 @@ impl Graph {
 
     /// The nodes, as they need to know each other.
     pub(crate) fn node_plans(&self) -> Vec<NodePlan> {
-        let plan = |(node, settings): &(&NodeType, Value)| NodePlan {
-            name: node.name.to_owned(),
-            takes: (node.takes)(settings),
-            makes: (node.makes)(settings),
-            finishes: node.finishes,
+        let plans = |(node, settings): &(&NodeType, Value)| {
+            let of = self.instances_of(node.name);
+            let (takes, makes, finishes) = (
+                (node.takes)(settings),
+                (node.makes)(settings),
+                node.finishes,
+            );
+            let plan = |index| NodePlan {
+                name: instances::name_of(node.name, index),
+                shard: Shard { index, of },
+                takes: takes.clone(),
+                makes: makes.clone(),
+                finishes,
+            };
+            (0..of).map(plan).collect::<Vec<_>>()
         };
-        self.nodes.iter().map(plan).collect()
+        self.nodes.iter().flat_map(plans).collect()
+    }
+
+    /// How many instances a node has.
+    fn instances_of(&self, node: &str) -> u64 {
+        self.instances.get(node).copied().unwrap_or(1)
+    }
+
+    /// Why the nodes of this run cannot have several instances, if they cannot.
+    pub(crate) fn check_instances(&self, rig: &Rig) -> Result<(), Failure> {
+        match (self.instances.first_key_value(), rig.rail) {
+            (Some((node, count)), Some(_)) => Err(Failure::usage(format!(
+                "{node}.instances is {count}, and along a rail every stage takes one frame after the other: leave it at 1"
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// The whole effective configuration.
@@ -374,6 +409,18 @@ impl Graph {
                     Some(value) => writeln!(text, "{} = {value}", key.name),
                     None => writeln!(text, "# {} is not set", key.name),
                 }
+                .unwrap_or_default();
+            }
+            if instances::may_have(name) {
+                let Key {
+                    name: key, about, ..
+                } = instances::KEY;
+                let count = self.instances_of(name);
+                writeln!(
+                    text,
+                    "#{about}\n# 1 to {}\n{key} = {count}",
+                    instances::MOST
+                )
                 .unwrap_or_default();
             }
         }

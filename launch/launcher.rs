@@ -80,6 +80,7 @@ pub(crate) fn launch_before(
         node: change.node.clone(),
         text: change.to_string(),
     }));
+    graph.check_instances(&rig)?;
     let in_flight = InFlight::of(graph.source_settings());
     let mut run = Run {
         root: dir.path().to_owned(),

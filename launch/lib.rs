@@ -53,6 +53,8 @@ mod fold;
 #[cfg(feature = "program")]
 mod graph;
 #[cfg(feature = "program")]
+mod instances;
+#[cfg(feature = "program")]
 mod keys;
 #[cfg(feature = "program")]
 mod launcher;

@@ -4,7 +4,9 @@ use std::error::Error;
 use std::path::Path;
 
 use messages::Sway;
-use messages::bus::{self, Bus, Level, NodePlan, Progress, Run, Start, complain, read_changes};
+use messages::bus::{
+    self, Bus, Level, NodePlan, Progress, Run, Start, complain, node_of, read_changes,
+};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -69,8 +71,8 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
     // Dropped last: the bus leaves the folder before this process does.
     let _share = Share::enter(&args.run)?;
     let orders = Orders::read(&args.run)?;
-    let node =
-        registry::find(&args.name).ok_or_else(|| format!("there is no node {}", args.name))?;
+    let node = registry::find(node_of(&args.name))
+        .ok_or_else(|| format!("there is no node {}", args.name))?;
     let settings = orders
         .configuration
         .get(node.name)
@@ -78,7 +80,7 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         .unwrap_or_default();
     // Who only looks on gives way to the pipe.
     let is_guest = |plan: &NodePlan| plan.takes.is_empty() && plan.makes.is_empty();
-    let plan = orders.run.nodes.iter().find(|plan| plan.name == node.name);
+    let plan = orders.run.nodes.iter().find(|plan| plan.name == args.name);
     if plan.is_some_and(is_guest) {
         give_way();
     }
@@ -104,6 +106,6 @@ fn try_run(args: &cli::Node) -> Result<(), Box<dyn Error>> {
         sway,
         changes: read_changes(&args.run),
     };
-    let mut bus = Bus::join(run, node.name, &start)?;
+    let mut bus = Bus::join(run, &args.name, &start)?;
     (node.run)(&mut bus, &settings, &start)
 }

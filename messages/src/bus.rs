@@ -41,7 +41,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::change::Change;
 use crate::header::{Header, Sway};
-use crate::ledger::{Account, Ledger, Seen};
+use crate::ledger::{Account, Ledger, Seen, Shard};
 use crate::payload::AnyView;
 use crate::rig::{Delivery, Rig};
 use crate::synchronisation::Synchronisation;
@@ -67,14 +67,22 @@ use ports::Ports;
 /// One node of a run, as the others need to know it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NodePlan {
-    /// Its name, unique in the run.
+    /// Its name, unique in the run: of further instances of a node with their number, as in `match.2`.
     pub name: String,
+    /// Which scans are its own.
+    #[serde(default)]
+    pub shard: Shard,
     /// The kinds of message it takes in.
     pub takes: Vec<Kind>,
     /// The kinds of message it makes.
     pub makes: Vec<Kind>,
     /// Whether a scan is done only when this node says so.
     pub finishes: bool,
+}
+
+/// The node that this name is an instance of.
+pub fn node_of(name: &str) -> &str {
+    name.split_once('.').map_or(name, |(node, _)| node)
 }
 
 /// One run of a graph: what every process of it must know to meet the others and nobody else.
@@ -121,6 +129,17 @@ impl Run {
     pub fn kinds(&self) -> Vec<Kind> {
         let is_made = |kind: &Kind| self.nodes.iter().any(|n| n.makes.contains(kind));
         Kind::ALL.into_iter().filter(is_made).collect()
+    }
+
+    /// Whether some node has several instances, whose results overtake each other.
+    pub fn is_sharded(&self) -> bool {
+        self.nodes.iter().any(|node| !node.shard.is_all())
+    }
+
+    /// The shards in which messages of this kind are made: one an instance, each with a service of its own.
+    fn shards_of(&self, kind: Kind) -> impl Iterator<Item = Shard> + '_ {
+        let makers = self.nodes.iter().filter(move |n| n.makes.contains(&kind));
+        makers.map(|node| node.shard)
     }
 
     /// The nodes that take this kind of message.
@@ -220,6 +239,8 @@ struct Tally {
 /// What a node counts, shared by its ports.
 #[derive(Debug, Default)]
 struct Book {
+    /// The scans that are the node's own: what is seen is counted by its place among them.
+    shard: Shard,
     topics: BTreeMap<String, Tally>,
     /// Scans this node has said to be done, if it is one that says so.
     done: Option<Seen>,
@@ -243,7 +264,7 @@ impl Book {
 
     /// Keeps account of a topic that is taken in.
     fn take_in(&mut self, topic: &str) {
-        let done_below = self.done_below;
+        let done_below = self.shard.below(self.done_below);
         self.tally(topic)
             .received
             .get_or_insert_default()
@@ -252,7 +273,7 @@ impl Book {
 
     /// Keeps account of a topic that is published.
     fn send_out(&mut self, topic: &str) {
-        let done_below = self.done_below;
+        let done_below = self.shard.below(self.done_below);
         self.tally(topic)
             .published
             .get_or_insert_default()
@@ -262,28 +283,29 @@ impl Book {
 
     fn received(&mut self, topic: &str, header: &Header) -> bool {
         self.advance(header.done_below);
+        let place = self.shard.below(header.sequence);
         let tally = self.tally(topic);
-        let is_new = tally
-            .received
-            .get_or_insert_default()
-            .insert(header.sequence);
+        let is_new = tally.received.get_or_insert_default().insert(place);
         tally.duplicates += u64::from(!is_new);
         is_new
     }
 
     fn published(&mut self, topic: &str, sequence: u64) {
+        let place = self.shard.below(sequence);
         let tally = self.tally(topic);
-        tally.published.get_or_insert_default().insert(sequence);
+        tally.published.get_or_insert_default().insert(place);
     }
 
     fn finished(&mut self, sequence: u64) {
-        self.done.get_or_insert_default().insert(sequence);
+        let place = self.shard.below(sequence);
+        self.done.get_or_insert_default().insert(place);
     }
 
     /// What was done before a successor had its ports it never sees, and nobody sends it again.
     fn advance(&mut self, done_below: u64) {
         if self.is_successor && done_below > self.done_below {
             self.done_below = done_below;
+            let done_below = self.shard.below(done_below);
             if let Some(done) = &mut self.done {
                 done.advance(done_below);
             }
@@ -298,11 +320,15 @@ impl Book {
 
     fn accounts(&self) -> BTreeMap<String, Account> {
         let account = |tally: &Tally| Account {
+            shard: self.shard,
             received: tally.received.as_ref().map(Seen::count),
             published: tally.published.as_ref().map(Seen::count),
             duplicates: tally.duplicates,
             dropped: tally.dropped.clone(),
-            missing: tally.received.iter().flat_map(Seen::missing).collect(),
+            missing: {
+                let places = tally.received.iter().flat_map(Seen::missing);
+                places.map(|place| self.shard.nth(place)).collect()
+            },
         };
         let entry = |(name, tally): (&String, &Tally)| (name.clone(), account(tally));
         self.topics.iter().map(entry).collect()
@@ -369,9 +395,10 @@ impl Bus {
     pub fn join(run: Run, name: &str, start: &Start) -> Result<Self, BusError> {
         // What was done when its predecessor died was done by that.
         let successor_from = (start.life > 0).then_some(start.resume.done_below);
-        if !run.nodes.iter().any(|node| node.name == name) {
+        let Some(plan) = run.nodes.iter().find(|node| node.name == name) else {
             return Err(BusError::Unknown(name.to_owned()));
-        }
+        };
+        let shard = plan.shard;
         let ports = Ports::new(&run, name)?;
         let inbox = ports.inbox(name)?;
         let commands = control::listen(&run, name)?;
@@ -386,6 +413,7 @@ impl Bus {
             life: start.life,
             waiting: VecDeque::new(),
             book: Rc::new(RefCell::new(Book {
+                shard,
                 done_below: successor_from.unwrap_or_default(),
                 is_successor: successor_from.is_some(),
                 ..Book::default()
@@ -426,7 +454,11 @@ impl Bus {
     /// # Errors
     /// When a subscriber cannot be made.
     pub fn joins(&mut self, kinds: &[Kind]) -> Result<Joins, BusError> {
-        Ok(Joins::new(self.inputs(kinds)?))
+        let inputs = self.inputs(kinds)?;
+        Ok(match self.run.is_sharded() {
+            true => Joins::in_order(inputs, self.book.borrow().done_below),
+            false => Joins::new(inputs),
+        })
     }
 
     /// Publishes every topic of these kinds.
@@ -468,7 +500,7 @@ impl Bus {
         {
             let book = &mut *self.book.borrow_mut();
             let done = book.done.get_or_insert_default();
-            done.advance(book.done_below);
+            done.advance(book.shard.below(book.done_below));
         }
         Ok(Finisher {
             book: Rc::clone(&self.book),
@@ -487,7 +519,7 @@ impl Bus {
     fn dones(&mut self) -> Result<Dones, BusError> {
         let subscriber = Rc::new(self.ports.done_in()?);
         self.subscribers.push(Rc::clone(&subscriber));
-        let finishes = |(i, n): (usize, &NodePlan)| n.finishes.then_some(i as u64);
+        let finishes = |(i, n): (usize, &NodePlan)| n.finishes.then_some((i as u64, n.shard));
         Ok(Dones {
             subscriber,
             finishers: self
@@ -840,7 +872,8 @@ impl Finisher {
 /// Hears which scans are done.
 struct Dones {
     subscriber: Rc<ports::DataSubscriber>,
-    finishers: Vec<u64>,
+    /// Who says so, and of which scans.
+    finishers: Vec<(u64, Shard)>,
     heard: BTreeMap<u64, Vec<u64>>,
 }
 
@@ -860,7 +893,8 @@ impl Dones {
             if !heard.contains(&finisher) {
                 heard.push(finisher);
             }
-            if self.finishers.iter().all(|f| heard.contains(f)) {
+            let mut asked = self.finishers.iter();
+            if asked.all(|(f, shard)| !shard.owns(header.sequence) || heard.contains(f)) {
                 self.heard.remove(&header.sequence);
                 return Ok(Some(header.sequence));
             }

@@ -103,9 +103,63 @@ impl Seen {
     }
 }
 
+/// The scans that are one instance's of a node: every `of`-th, from number `index` on. Nobody hands them out, so nobody can
+/// lose one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shard {
+    /// The first of them.
+    pub index: u64,
+    /// How many instances there are.
+    pub of: u64,
+}
+
+impl Shard {
+    /// All scans.
+    pub const ALL: Self = Self { index: 0, of: 1 };
+
+    /// Whether it is all scans.
+    pub fn is_all(&self) -> bool {
+        *self == Self::ALL
+    }
+
+    /// Whether a scan is one of them.
+    pub fn owns(&self, sequence: u64) -> bool {
+        sequence % self.of == self.index
+    }
+
+    /// How many of them are below a number. Of one of them it is its place among them, counted from 0.
+    pub fn below(&self, sequence: u64) -> u64 {
+        sequence.saturating_sub(self.index).div_ceil(self.of)
+    }
+
+    /// The scan at a place among them, counted from 0.
+    pub fn nth(&self, place: u64) -> u64 {
+        place * self.of + self.index
+    }
+
+    /// Whether some scan is of both.
+    pub fn meets(&self, other: &Self) -> bool {
+        // Numbers with two remainders exist where these agree modulo what both divisors have in common.
+        let (mut common, mut rest) = (self.of, other.of);
+        while rest > 0 {
+            (common, rest) = (rest, common % rest);
+        }
+        self.index % common == other.index % common
+    }
+}
+
+impl Default for Shard {
+    fn default() -> Self {
+        Self::ALL
+    }
+}
+
 /// One node's account of one topic.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Account {
+    /// Of which scans it is.
+    #[serde(default, skip_serializing_if = "Shard::is_all")]
+    pub shard: Shard,
     /// Different scans received.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub received: Option<u64>,
@@ -153,10 +207,11 @@ impl Ledger {
                     ("received", account.received),
                     ("published", account.published),
                 ];
+                let owed = account.shard.below(self.admitted);
                 for (verb, count) in both {
-                    if let Some(count) = count.filter(|&count| count != self.admitted) {
+                    if let Some(count) = count.filter(|&count| count != owed) {
                         let named = account.missing.len() as u64;
-                        let further = self.admitted.saturating_sub(count).saturating_sub(named);
+                        let further = owed.saturating_sub(count).saturating_sub(named);
                         let which = match (account.missing.as_slice(), further) {
                             ([], 0) => String::new(),
                             ([], _) => ", the last ones are missing".to_owned(),
@@ -166,8 +221,7 @@ impl Ledger {
                             }
                         };
                         faults.push(format!(
-                            "{node} {verb} {count} of {} scans of {topic}{which}",
-                            self.admitted
+                            "{node} {verb} {count} of {owed} scans of {topic}{which}"
                         ));
                     }
                 }
@@ -229,6 +283,54 @@ mod tests {
         assert!(seen.insert(6));
         assert_eq!(seen.count(), 8);
         assert_eq!(seen.missing().count(), 0);
+    }
+
+    #[test]
+    fn every_scan_is_in_one_shard_and_has_its_place_there() {
+        for of in 1..6 {
+            let shards: Vec<Shard> = (0..of).map(|index| Shard { index, of }).collect();
+            for scan in 0..40 {
+                let owners: Vec<_> = shards.iter().filter(|shard| shard.owns(scan)).collect();
+                assert_eq!(owners.len(), 1, "{scan} of {of}");
+                assert_eq!(owners[0].nth(owners[0].below(scan)), scan);
+            }
+            for shard in &shards {
+                for end in 0..40 {
+                    let below = (0..end).filter(|scan| shard.owns(*scan)).count() as u64;
+                    assert_eq!(shard.below(end), below, "{shard:?} {end}");
+                }
+            }
+            for other in (1..6).flat_map(|of| (0..of).map(move |index| Shard { index, of })) {
+                for shard in &shards {
+                    let meet = (0..60).any(|scan| shard.owns(scan) && other.owns(scan));
+                    assert_eq!(shard.meets(&other), meet, "{shard:?} {other:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_instance_owes_its_own_scans_only() {
+        let account = |received| Account {
+            shard: Shard { index: 1, of: 2 },
+            received: Some(received),
+            ..Account::default()
+        };
+        let ledger = |received| Ledger {
+            admitted: 5,
+            done: 5,
+            nodes: [(
+                "track.2".to_owned(),
+                [("edges".to_owned(), account(received))].into(),
+            )]
+            .into(),
+            ..Ledger::default()
+        };
+        assert!(ledger(2).is_balanced());
+        assert_eq!(
+            ledger(1).faults(),
+            ["track.2 received 1 of 2 scans of edges, the last ones are missing"]
+        );
     }
 
     #[test]

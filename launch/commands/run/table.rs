@@ -21,9 +21,9 @@ struct NodeSummary {
     node: String,
     milliseconds: Percentiles,
     counts: BTreeMap<String, u64>,
-    /// Whether a scan that is sent again is not counted again.
+    /// Scans that it said to be done, of a node that says so: one that is sent again is not counted again.
     #[serde(skip)]
-    counts_once: bool,
+    done: Option<u64>,
     restarts: u32,
     duplicates: u64,
 }
@@ -57,7 +57,7 @@ impl Summary {
         let nodes = ran.reports.iter().map(|report| NodeSummary {
             milliseconds: report.milliseconds,
             counts: report.counts.clone(),
-            counts_once: report.done.is_some(),
+            done: report.done,
             restarts: ran.restarts.get(&report.node).copied().unwrap_or_default(),
             duplicates: report
                 .topics
@@ -154,8 +154,8 @@ impl fmt::Display for Summary {
             } = node.milliseconds;
             // Who says that scans are done counts each once. Of what others did before a restart nobody knows, and what is
             // sent again they count again.
-            let counted = match (node.restarts, node.counts_once) {
-                (0, true) => self.scans,
+            let counted = match (node.restarts, node.done) {
+                (0, Some(done)) => done,
                 _ => scans,
             };
             let each = |count: &u64| *count as f64 / counted.max(1) as f64;

@@ -37,7 +37,8 @@ impl Run {
             return self.open_files_of_guest();
         };
         let topics = |kind: Kind| Topic::of(&self.rig, kind).len() as u64;
-        let taken: u64 = self.taken_by(name).into_iter().map(topics).sum();
+        let services = |kind: Kind| topics(kind) * self.shards_of(kind).count().max(1) as u64;
+        let taken: u64 = self.taken_by(name).into_iter().map(services).sum();
         let made: u64 = node.makes.iter().copied().map(topics).sum();
         let takers = |kind: &Kind| self.takers(*kind).count() as u64;
         let sent: u64 = node.makes.iter().map(|k| topics(*k) * takers(k)).sum();
@@ -69,8 +70,8 @@ impl Run {
 
     /// How many files a guest that listens to everything has open.
     pub fn open_files_of_guest(&self) -> OpenFiles {
-        let topics = self.kinds().into_iter();
-        let topics: u64 = topics.map(|k| Topic::of(&self.rig, k).len() as u64).sum();
+        let services = |kind| Topic::of(&self.rig, kind).len() * self.shards_of(kind).count();
+        let topics: u64 = self.kinds().into_iter().map(services).sum::<usize>() as u64;
         let reports = SERVICE + self.nodes.len() as u64 * SUBSCRIPTION;
         let needed = PROCESS + reports + topics * (SERVICE + SUBSCRIPTION);
         OpenFiles {
@@ -84,12 +85,14 @@ impl Run {
 mod tests {
     use super::*;
     use crate::bus::NodePlan;
+    use crate::ledger::Shard;
     use crate::{Delivery, Rig, Size, Stage};
 
     /// A graph as it is built in, of so many views.
     fn run(views: usize, channels: &[f32]) -> Run {
         let node = |name: &str, takes: &[Kind], makes: Vec<Kind>, finishes| NodePlan {
             name: name.to_owned(),
+            shard: Shard::ALL,
             takes: takes.to_vec(),
             makes,
             finishes,

@@ -41,8 +41,12 @@ impl Guest {
         let book = Rc::new(RefCell::new(Book::default()));
         let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
         let inputs = Inputs::new(run, &ports, topics, book)?;
+        let joins = match run.is_sharded() {
+            true => Joins::in_order(inputs, 0),
+            false => Joins::new(inputs),
+        };
         Ok(Self {
-            joins: Joins::new(inputs),
+            joins,
             next: None,
             missed: 0,
             _ports: ports,

@@ -7,6 +7,7 @@ use std::rc::Rc;
 use super::ports::{self, DataSample, DataSubscriber, Ports};
 use super::{Book, BusError, Run};
 use crate::header::{Header, Size};
+use crate::ledger::Shard;
 use crate::payload::{AnyView, Message};
 use crate::topic::{Kind, Topic};
 
@@ -66,6 +67,7 @@ impl Received {
     }
 }
 
+/// What one instance of a topic's maker sends.
 struct Input {
     topic: Rc<Topic>,
     subscriber: Rc<DataSubscriber>,
@@ -75,6 +77,8 @@ struct Input {
 /// Subscribers of several topics, read together.
 pub struct Inputs {
     all: Vec<Input>,
+    /// The scans that are taken: the others are another instance's.
+    shard: Shard,
     room: Size,
     book: Rc<RefCell<Book>>,
 }
@@ -93,19 +97,22 @@ impl Inputs {
         topics: impl IntoIterator<Item = Topic>,
         book: Rc<RefCell<Book>>,
     ) -> Result<Self, BusError> {
-        let input = |topic: Topic| {
+        let shard = book.borrow().shard;
+        let mut all = Vec::new();
+        for topic in topics {
             book.borrow_mut().take_in(&topic.name);
-            Ok(Input {
-                subscriber: Rc::new(ports.subscriber(&topic)?),
-                topic: Rc::new(topic),
-                head: None,
-            })
-        };
+            let topic = Rc::new(topic);
+            for makers in run.shards_of(topic.kind).filter(|own| own.meets(&shard)) {
+                all.push(Input {
+                    subscriber: Rc::new(ports.subscriber(&topic, makers)?),
+                    topic: Rc::clone(&topic),
+                    head: None,
+                });
+            }
+        }
         Ok(Self {
-            all: topics
-                .into_iter()
-                .map(input)
-                .collect::<Result<_, BusError>>()?,
+            all,
+            shard,
             room: run.rig.size,
             book,
         })
@@ -118,8 +125,12 @@ impl Inputs {
     /// The message of the oldest scan among those waiting, if any.
     pub(super) fn receive(&mut self) -> Result<Option<Received>, BusError> {
         for input in &mut self.all {
-            if input.head.is_none() {
-                input.head = ports::receive(&input.subscriber)?;
+            while input.head.is_none() {
+                let Some(sample) = ports::receive(&input.subscriber)? else {
+                    break;
+                };
+                let sequence = sample.user_header().header().sequence;
+                input.head = self.shard.owns(sequence).then_some(sample);
             }
         }
         let sequence = |i: &Input| i.head.as_ref().map(|s| s.user_header().header().sequence);
@@ -215,28 +226,88 @@ impl Joined {
 #[derive(Debug)]
 pub struct Joins {
     inputs: Inputs,
+    /// Of each scan a place for the message of every one of these.
+    topics: Vec<Rc<Topic>>,
     pending: BTreeMap<u64, Vec<Option<Received>>>,
+    order: Option<Order>,
+}
+
+/// Scans in the order of their numbers, where several instances make what they are joined of.
+#[derive(Debug)]
+struct Order {
+    /// The place of the scan that comes next, among those that are taken.
+    next: u64,
+    /// Whole ones that wait for it.
+    early: BTreeMap<u64, Joined>,
+    /// The scans below this one are done: whoever is waited for in vain waits for them no longer.
+    done_below: u64,
 }
 
 impl Joins {
     pub(super) fn new(inputs: Inputs) -> Self {
+        let mut topics: Vec<Rc<Topic>> = Vec::new();
+        for input in &inputs.all {
+            if !topics.contains(&input.topic) {
+                topics.push(Rc::clone(&input.topic));
+            }
+        }
         Self {
             inputs,
+            topics,
             pending: BTreeMap::new(),
+            order: None,
+        }
+    }
+
+    /// Hands scans over in order, from this one on; those that come once more as they come.
+    pub(super) fn in_order(inputs: Inputs, first: u64) -> Self {
+        let order = Order {
+            next: inputs.shard.below(first),
+            early: BTreeMap::new(),
+            done_below: 0,
+        };
+        Self {
+            order: Some(order),
+            ..Self::new(inputs)
+        }
+    }
+
+    /// Takes in what has come, until a scan is whole whose turn it is.
+    pub(super) fn receive(&mut self) -> Result<Option<Joined>, BusError> {
+        loop {
+            if let Some(joined) = self.order.as_mut().and_then(Order::turn) {
+                return Ok(Some(joined));
+            }
+            let joined = self.whole()?;
+            let shard = self.inputs.shard;
+            let Some(order) = &mut self.order else {
+                return Ok(joined);
+            };
+            let Some(joined) = joined else {
+                // All that was sent has been read: what is done and is not here was lost on the way, to this listener alone.
+                order.skip_below(shard.below(order.done_below));
+                return Ok(order.turn());
+            };
+            order.done_below = order.done_below.max(joined.header().done_below);
+            let place = shard.below(joined.sequence);
+            if place < order.next {
+                return Ok(Some(joined));
+            }
+            order.early.insert(place, joined);
         }
     }
 
     /// Takes in what has come, until a scan is whole.
-    pub(super) fn receive(&mut self) -> Result<Option<Joined>, BusError> {
+    fn whole(&mut self) -> Result<Option<Joined>, BusError> {
         while let Some(message) = self.inputs.receive()? {
             let header = message.header();
             // What a resend doubled and is done by now never becomes whole: let its memory go.
             self.pending = self.pending.split_off(&header.done_below);
-            let topics = self.inputs.all.iter();
-            let Some(place) = topics.map(|i| &i.topic).position(|t| *t == message.topic) else {
+            let mut topics = self.topics.iter();
+            let Some(place) = topics.position(|topic| *topic == message.topic) else {
                 continue;
             };
-            let len = self.inputs.all.len();
+            let len = self.topics.len();
             let slots = self
                 .pending
                 .entry(header.sequence)
@@ -251,5 +322,23 @@ impl Joins {
             }
         }
         Ok(None)
+    }
+}
+
+impl Order {
+    /// The scan whose turn it is, if it is here.
+    fn turn(&mut self) -> Option<Joined> {
+        let joined = self.early.remove(&self.next)?;
+        self.next += 1;
+        Some(joined)
+    }
+
+    /// Goes on with the first scan that is here, where those before it are below this place.
+    fn skip_below(&mut self, place: u64) {
+        if let Some((&first, _)) = self.early.first_key_value()
+            && first <= place
+        {
+            self.next = first;
+        }
     }
 }

@@ -22,6 +22,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::{BusError, NodePlan, Run};
 use crate::header::{Header, Size};
+use crate::ledger::Shard;
 use crate::payload::{ALIGNMENT, AnyView};
 use crate::topic::Topic;
 
@@ -70,6 +71,8 @@ const FRAMES: usize = 8;
 pub(super) struct Ports {
     node: Node<ipc::Service>,
     run: Run,
+    /// The scans that it makes messages of.
+    shard: Shard,
     /// Whether it takes what is there and makes nothing.
     is_guest: bool,
 }
@@ -159,9 +162,11 @@ fn not_subscribed(what: impl Into<String>, error: SubscriberCreateError) -> BusE
 
 impl Ports {
     pub(super) fn new(run: &Run, name: &str) -> Result<Self, BusError> {
+        let plan = run.nodes.iter().find(|node| node.name == name);
         Ok(Self {
             node: node(run, name)?,
             run: run.clone(),
+            shard: plan.map_or(Shard::ALL, |plan| plan.shard),
             is_guest: false,
         })
     }
@@ -174,18 +179,24 @@ impl Ports {
         })
     }
 
-    fn data_service(&self, topic: &Topic) -> Result<DataService, BusError> {
+    /// The service of a topic's messages of these scans: each instance of its maker has one of its own, so that its messages
+    /// are in order, and a taker can go on with the oldest of all.
+    fn data_service(&self, topic: &Topic, shard: Shard) -> Result<DataService, BusError> {
         let takers = self.run.takers(topic.kind).count();
+        let name = match shard.is_all() {
+            true => topic.name.clone(),
+            false => format!("{}@{}/{}", topic.name, shard.index, shard.of),
+        };
         match self.is_guest {
-            true => existing!(self.node, &topic.name, u64, publishers 1, subscribers takers,
+            true => existing!(self.node, &name, u64, publishers 1, subscribers takers,
                               buffer self.run.buffer(), overflow false),
-            false => service!(self.node, &topic.name, u64, publishers 1, subscribers takers,
+            false => service!(self.node, &name, u64, publishers 1, subscribers takers,
                               buffer self.run.buffer(), overflow false),
         }
     }
 
     pub(super) fn publisher(&self, topic: &Topic) -> Result<(DataPublisher, Audience), BusError> {
-        let service = self.data_service(topic)?;
+        let service = self.data_service(topic, self.shard)?;
         let publisher = service
             .publisher_builder()
             .initial_max_slice_len(AnyView::words(topic.kind, self.run.rig.size))
@@ -196,8 +207,12 @@ impl Ports {
         Ok((publisher, Audience(service)))
     }
 
-    pub(super) fn subscriber(&self, topic: &Topic) -> Result<DataSubscriber, BusError> {
-        self.data_service(topic)?
+    pub(super) fn subscriber(
+        &self,
+        topic: &Topic,
+        shard: Shard,
+    ) -> Result<DataSubscriber, BusError> {
+        self.data_service(topic, shard)?
             .subscriber_builder()
             .create()
             .map_err(|e| not_subscribed(format!("subscribe to {}", topic.name), e))

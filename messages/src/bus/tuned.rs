@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use serde_json::Value;
 
-use super::{Bus, BusError};
+use super::{Bus, BusError, node_of};
 use crate::change::Change;
 use crate::header::Header;
 use crate::settings::Settings;
@@ -40,7 +40,7 @@ impl Bus {
         make: impl Fn(&S) -> T + 'static,
     ) -> Result<Tuned<S, T>, BusError> {
         Ok(Tuned {
-            node: self.name.clone(),
+            node: node_of(&self.name).to_owned(),
             settings: serde_json::to_string(settings)
                 .and_then(|text| serde_json::from_str(&text))
                 .map_err(|e| BusError::port("write settings down", e))?,
