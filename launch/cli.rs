@@ -65,7 +65,7 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Show how the graphs that run are doing, as they go: rates, load, queues, latencies, losses
     Top(Top),
-    /// Measure what recording and viewing cost the graph
+    /// Measure what recording and viewing cost the graph, or what several instances of its stages bring
     Bench(Bench),
     /// List, measure or print the topics of a graph that runs
     Topic(TopicArgs),
@@ -789,8 +789,11 @@ pub(crate) struct Top {
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
     /// Compare the graph without observers, with the recorder, with a viewer that takes everything, and with both
-    #[arg(long, required = true)]
+    #[arg(long, required_unless_present = "instances")]
     pub(crate) observers: bool,
+    /// Compare one, two, … instances of every stage, and say what the times of the stages predict for more cores
+    #[arg(long, conflicts_with = "observers")]
+    pub(crate) instances: bool,
     /// What the graph looks at: as in `run`
     #[arg(long, value_name = "SPEC", default_value = "scene:all")]
     pub(crate) source: String,

@@ -361,7 +361,7 @@ impl Graph {
     }
 
     /// How many instances a node has.
-    fn instances_of(&self, node: &str) -> u64 {
+    pub(crate) fn instances_of(&self, node: &str) -> u64 {
         self.instances.get(node).copied().unwrap_or(1)
     }
 
@@ -540,8 +540,8 @@ pub(crate) fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), Strin
 
 /// A value as on the command line: what is no TOML is taken for a text.
 pub(crate) fn parsed(value: &str) -> Value {
-    // What is not given, so that it follows from the images; TOML has no word for it.
-    if value.trim() == "null" {
+    // What is not given, so that it follows from the images; TOML has no word for it, and it is shown as the latter.
+    if ["null", "automatic"].contains(&value.trim()) {
         return Value::Null;
     }
     let parsed = format!("v = {value}").parse::<toml::Table>().ok();
@@ -688,7 +688,7 @@ mod tests {
         let error = load(BUILT_IN, &["capture.in_flight=many"]).unwrap_err();
         assert_eq!(
             error,
-            "capture.in_flight is a whole number from 1 to 30, not \"many\""
+            "capture.in_flight is a whole number from 1 to 30, or automatic, not \"many\""
         );
         let error = load(BUILT_IN, &["match.assignment=3"]).unwrap_err();
         assert_eq!(error, "match.assignment is point or curve, not 3");

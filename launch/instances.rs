@@ -10,7 +10,7 @@ use messages::settings::Key;
 use serde_json::Value;
 
 /// Stages whose scans depend on no other scan.
-const STAGES: [&str; 5] = ["filter", "track", "hough", "match", "evaluate"];
+pub(crate) const STAGES: [&str; 5] = ["filter", "track", "hough", "match", "evaluate"];
 
 /// The most instances of a stage: what is under way is spread over them, and more than that had nothing to do.
 pub(crate) const MOST: u64 = 16;
@@ -72,12 +72,14 @@ pub(crate) fn settled(asked: &BTreeMap<String, Count>) -> BTreeMap<&'static str,
     all.filter(|(_, count)| *count > 1).collect()
 }
 
-/// How many instances of a stage keep so many cores busy: as many as cores fall to it, a part of one counting as one where
-/// it is over a half.
-fn fitting(stage: &str, cores: usize) -> u64 {
+/// How busy an instance is at most, so that a scan that takes longer than others holds nobody up.
+const BUSY: f64 = 0.8;
+
+/// How many instances of a stage keep so many cores busy.
+pub(crate) fn fitting(stage: &str, cores: usize) -> u64 {
     let share = SHARES.iter().find(|(name, _)| *name == stage);
     let cores = share.map_or(0.0, |(_, share)| share / 100.0) * cores as f64;
-    (cores.round() as u64).clamp(1, MOST)
+    ((cores / BUSY).ceil() as u64).clamp(1, MOST)
 }
 
 /// The name of an instance: the first one's is the node's own.
@@ -90,15 +92,17 @@ pub(crate) fn name_of(node: &str, index: u64) -> String {
 
 #[cfg(test)]
 mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
     use serde_json::json;
 
     #[test]
-    fn auto_gives_two_cores_one_instance_each_and_sixteen_cores_most_to_matching() {
+    fn auto_gives_a_stage_as_many_instances_as_cores_fall_to_it_and_some_room() {
         let of = |cores| STAGES.map(|stage| fitting(stage, cores));
-        assert_eq!(of(2), [1, 1, 1, 1, 1]);
-        assert_eq!(of(8), [1, 2, 1, 3, 1]);
-        assert_eq!(of(16), [3, 5, 1, 7, 1]);
+        assert_eq!(of(1), [1, 1, 1, 1, 1]);
+        assert_eq!(of(2), [1, 1, 1, 2, 1]);
+        assert_eq!(of(8), [2, 3, 1, 5, 1]);
+        assert_eq!(of(16), [4, 6, 1, 9, 2]);
     }
 
     #[test]

@@ -372,6 +372,39 @@ fn a_bench_compares_the_graph_with_and_without_observers() {
         !world.path("recordings").exists(),
         "it leaves nothing behind"
     );
+    let bench = [
+        "bench",
+        "--instances",
+        "--scans",
+        "3",
+        "--rounds",
+        "1",
+        "--source",
+        &source,
+        "--json",
+    ];
+    let json = world.run(&bench).done().json();
+    let rows = json["rows"].as_array().unwrap();
+    let instances = |row: &Value| row["instances"].as_str().unwrap().to_owned();
+    assert_eq!(instances(&rows[0]), "1");
+    assert_eq!(instances(rows.last().unwrap()), "auto");
+    for row in rows {
+        assert!(
+            row["triples_per_second"]["median"].as_f64() > Some(0.0),
+            "{row}"
+        );
+        let [p50, p99] = ["latency_p50_ms", "latency_p99_ms"].map(|key| row[key].as_f64());
+        assert!(p50 > Some(0.0) && p99 >= p50, "{row}");
+        assert!(row["limit_per_second"].as_f64() > Some(0.0), "{row}");
+    }
+    assert_eq!(rows[1]["stages"]["match"], 2, "{json}");
+    let cores: Vec<_> = json["predicted"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| &row["cores"])
+        .collect();
+    assert_eq!(cores, [4, 8, 16]);
     let wrong = world.run(&["bench"]);
     assert_eq!(wrong.code, Some(2), "{wrong:?}");
     assert!(wrong.err.contains("--observers"), "{wrong:?}");

@@ -1,4 +1,4 @@
-//! `tricurve bench`: what it costs a graph to be recorded and viewed.
+//! `tricurve bench`: what it costs a graph to be recorded and viewed, and what several instances of its stages bring.
 //!
 //! The same graph runs without observers, with its recorder, with a viewer, with both, and with a bridge that nobody is
 //! connected to; again and again in turn, so that a machine which is slower for a while is so for all of them. A round's
@@ -7,6 +7,7 @@
 //! Measured is the graph as it goes: from where every scene of the source was read once and the viewer sees scans, to
 //! where no further scan is let in.
 
+mod instances;
 mod viewer;
 
 use std::fmt;
@@ -20,7 +21,7 @@ use serde::Serialize;
 
 use super::run::{Planned, plan};
 use crate::cli::Bench as Args;
-use crate::graph::Overrides;
+use crate::graph::{Overrides, parsed};
 use crate::launcher::{Launch, launch_before};
 use crate::running::{Process, Running};
 use crate::supervisor::Watcher;
@@ -71,6 +72,9 @@ const fn observers(
 }
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
+    if args.instances {
+        return instances::run(args);
+    }
     let stop = signals::flag(&signals::END)?;
     let place = Place::make()?;
     let mut measured: [Vec<Measured>; OBSERVERS.len()] = Default::default();
@@ -534,6 +538,7 @@ mod tests {
         };
         let args = Args {
             observers: true,
+            instances: false,
             source: "scene:all".to_owned(),
             scans: Some(3),
             rounds: 3,
