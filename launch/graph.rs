@@ -431,9 +431,13 @@ impl Graph {
     pub(crate) fn to_mermaid(&self) -> String {
         let mut text = "flowchart LR\n".to_owned();
         for (node, _) in &self.nodes {
+            let times = match self.instances_of(node.name) {
+                1 => String::new(),
+                count => format!(" × {count}"),
+            };
             writeln!(
                 text,
-                "    {0}[\"<b>{0}</b><br/>{1}\"]",
+                "    {0}[\"<b>{0}</b>{times}<br/>{1}\"]",
                 node.name, node.about
             )
             .unwrap_or_default();

@@ -456,7 +456,7 @@ impl Bus {
     pub fn joins(&mut self, kinds: &[Kind]) -> Result<Joins, BusError> {
         let inputs = self.inputs(kinds)?;
         Ok(match self.run.is_sharded() {
-            true => Joins::in_order(inputs, self.book.borrow().done_below),
+            true => Joins::in_order(inputs, self.book.borrow().done_below, self.run.in_flight),
             false => Joins::new(inputs),
         })
     }

@@ -42,7 +42,7 @@ impl Guest {
         let topics = kinds.iter().flat_map(|&kind| Topic::of(&run.rig, kind));
         let inputs = Inputs::new(run, &ports, topics, book)?;
         let joins = match run.is_sharded() {
-            true => Joins::in_order(inputs, 0),
+            true => Joins::in_order(inputs, 0, run.in_flight),
             false => Joins::new(inputs),
         };
         Ok(Self {

@@ -239,8 +239,10 @@ struct Order {
     next: u64,
     /// Whole ones that wait for it.
     early: BTreeMap<u64, Joined>,
-    /// The scans below this one are done: whoever is waited for in vain waits for them no longer.
+    /// The scans below this one are done.
     done_below: u64,
+    /// Scans that may be under way.
+    room: usize,
 }
 
 impl Joins {
@@ -259,12 +261,13 @@ impl Joins {
         }
     }
 
-    /// Hands scans over in order, from this one on; those that come once more as they come.
-    pub(super) fn in_order(inputs: Inputs, first: u64) -> Self {
+    /// Hands scans over in order, from this one on; those that come once more as they come. So many may be under way.
+    pub(super) fn in_order(inputs: Inputs, first: u64, in_flight: usize) -> Self {
         let order = Order {
             next: inputs.shard.below(first),
             early: BTreeMap::new(),
             done_below: 0,
+            room: in_flight,
         };
         Self {
             order: Some(order),
@@ -285,7 +288,8 @@ impl Joins {
             };
             let Some(joined) = joined else {
                 // All that was sent has been read: what is done and is not here was lost on the way, to this listener alone.
-                order.skip_below(shard.below(order.done_below));
+                let done = shard.below(order.done_below);
+                order.skip(|first, _| first <= done);
                 return Ok(order.turn());
             };
             order.done_below = order.done_below.max(joined.header().done_below);
@@ -294,6 +298,8 @@ impl Joins {
                 return Ok(Some(joined));
             }
             order.early.insert(place, joined);
+            // More are not let in while one is under way that would come before them: it was lost.
+            order.skip(|_, order| order.early.len() >= order.room);
         }
     }
 
@@ -333,10 +339,10 @@ impl Order {
         Some(joined)
     }
 
-    /// Goes on with the first scan that is here, where those before it are below this place.
-    fn skip_below(&mut self, place: u64) {
+    /// Goes on with the first scan that is here, at its place, where nobody can come before it.
+    fn skip(&mut self, is_next: impl Fn(u64, &Self) -> bool) {
         if let Some((&first, _)) = self.early.first_key_value()
-            && first <= place
+            && is_next(first, self)
         {
             self.next = first;
         }
