@@ -268,7 +268,7 @@ impl Graph {
     }
 
     /// Fills in what the source was found to need, unless somebody chose something else than the default.
-    pub(crate) fn measured(
+    pub(crate) fn fill_in_measured(
         &mut self,
         name: &'static str,
         key: &'static str,
@@ -282,7 +282,7 @@ impl Graph {
     }
 
     /// Which settings were found out from the source, each as `node.key`.
-    pub(crate) fn all_measured(&self) -> Vec<String> {
+    pub(crate) fn measured(&self) -> Vec<String> {
         let measured = self.measured.iter();
         measured
             .map(|(name, key)| format!("{name}.{key}"))

@@ -212,6 +212,59 @@ fn a_part_of_a_rail_is_verified_with_the_frames_before_it_or_not_at_all() {
 }
 
 #[test]
+fn a_part_of_a_rail_is_compared_with_the_frames_before_it_and_without_its_map() {
+    let world = World::new();
+    let rail = world.small_rail("rail", 0..12);
+    let source = rail.to_string_lossy().into_owned();
+    world.run(&arguments(&source, "x.mcap")).done();
+    let compare =
+        |more: &[&str]| world.run(&[&["replay", "x.mcap", "--compare", "--json"], more].concat());
+    let json = compare(&["--scans", "6..9", "--from", "match"])
+        .done()
+        .json();
+    let compared = &json["compared"];
+    assert_eq!(compared["scans"], 3, "{json}");
+    assert_eq!(compared["verdict"], "same", "{json}");
+    assert!(compared["points"]["a"].as_u64() > Some(0), "{json}");
+    assert!(compared["maps"].is_null(), "{json}");
+    let json = compare(&["--from", "match"]).done().json();
+    assert!(json["compared"]["maps"].is_array(), "{json}");
+    let ran = compare(&["--from", "map"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(
+        ran.err.contains("from map on none are computed"),
+        "{}",
+        ran.err
+    );
+}
+
+#[test]
+fn too_few_frames_for_a_map_are_said_before_and_after() {
+    let world = World::new();
+    let rail = world.small_rail("rail", 0..4);
+    let source = rail.to_string_lossy().into_owned();
+    let ran = world.run(&["check-geometry", &source, "--layout", "rail"]);
+    let told = "4 frames make no map: a point enters it once 3 triples have seen it";
+    assert!(ran.err.contains(told), "{}", ran.err);
+    let ran = world.run(&["run", "--source", &source, "--rail", "--record", "x.mcap"]);
+    assert!(ran.done().err.contains(told));
+    let ran = world.run(&["export", "x.mcap", "--map", "map.ply"]).done();
+    assert!(
+        ran.err
+            .contains("as many triples as map.sightings asks for"),
+        "{}",
+        ran.err
+    );
+    let ran = world.run(&["run", &source]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(
+        ran.err.contains("images are given with --source"),
+        "{}",
+        ran.err
+    );
+}
+
+#[test]
 fn the_map_of_a_rendered_scene_is_right() {
     let world = World::new();
     let mut run = arguments("scene:jack", "x.mcap");

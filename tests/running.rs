@@ -329,23 +329,20 @@ fn top_gives_the_terminal_back_whatever_ends_it() {
     top.ends_well();
 }
 
-#[test]
-fn a_bench_compares_the_graph_with_and_without_observers() {
-    let world = World::new();
+/// What a short bench of a small scene finds.
+fn bench(world: &World, what: &str) -> Value {
     let scene = world.small_scene("scene");
     let source = scene.to_string_lossy();
     let bench = [
-        "bench",
-        "--observers",
-        "--scans",
-        "3",
-        "--rounds",
-        "1",
-        "--source",
-        &source,
-        "--json",
+        "bench", what, "--scans", "3", "--rounds", "1", "--source", &source, "--json",
     ];
-    let json = world.run(&bench).done().json();
+    world.run(&bench).done().json()
+}
+
+#[test]
+fn a_bench_compares_the_graph_with_and_without_observers() {
+    let world = World::new();
+    let json = bench(&world, "--observers");
     let rows = json["rows"].as_array().unwrap();
     let observers: Vec<&str> = rows
         .iter()
@@ -372,18 +369,15 @@ fn a_bench_compares_the_graph_with_and_without_observers() {
         !world.path("recordings").exists(),
         "it leaves nothing behind"
     );
-    let bench = [
-        "bench",
-        "--instances",
-        "--scans",
-        "3",
-        "--rounds",
-        "1",
-        "--source",
-        &source,
-        "--json",
-    ];
-    let json = world.run(&bench).done().json();
+    let wrong = world.run(&["bench"]);
+    assert_eq!(wrong.code, Some(2), "{wrong:?}");
+    assert!(wrong.err.contains("--observers"), "{wrong:?}");
+}
+
+#[test]
+fn a_bench_compares_numbers_of_instances_and_predicts_more_cores() {
+    let world = World::new();
+    let json = bench(&world, "--instances");
     let rows = json["rows"].as_array().unwrap();
     let instances = |row: &Value| row["instances"].as_str().unwrap().to_owned();
     assert_eq!(instances(&rows[0]), "1");
@@ -405,7 +399,4 @@ fn a_bench_compares_the_graph_with_and_without_observers() {
         .map(|row| &row["cores"])
         .collect();
     assert_eq!(cores, [4, 8, 16]);
-    let wrong = world.run(&["bench"]);
-    assert_eq!(wrong.code, Some(2), "{wrong:?}");
-    assert!(wrong.err.contains("--observers"), "{wrong:?}");
 }

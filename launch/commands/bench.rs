@@ -17,14 +17,15 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use messages::bus::{Level, Progress};
+use messages::{Rig, Sway};
 use serde::Serialize;
 
 use super::run::{Planned, plan};
 use crate::cli::Bench as Args;
-use crate::graph::{Overrides, parsed};
+use crate::graph::{Graph, Overrides, parsed};
 use crate::launcher::{Launch, launch_before};
 use crate::running::{Process, Running};
-use crate::supervisor::Watcher;
+use crate::supervisor::{Ran, Watcher};
 use crate::{Failure, Outcome, rundir, signals};
 use viewer::{Taken, Viewer};
 
@@ -85,10 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
             let observers = OBSERVERS[index];
             let once = measure(args, observers, &place);
             if stop.load(Ordering::Relaxed) {
-                return Err(Failure {
-                    outcome: Outcome::Aborted,
-                    text: "interrupted: nothing was measured to the end".to_owned(),
-                });
+                return Err(interrupted());
             }
             let once = once?;
             if !args.json {
@@ -190,8 +188,37 @@ fn measure(args: &Args, observers: Observers, place: &Place) -> Result<Measured,
         viewers: Vec::new(),
         trouble: None,
     };
-    let launched = Launch {
-        graph: &graph,
+    let ran = launched(&graph, (rig, places, sway), &mut observed)?;
+    let recorded_bytes = observers
+        .has_recorder
+        .then(|| fs::metadata(&file).map_or(0, |meta| meta.len()));
+    // What is still to be written of it must not slow the next run.
+    fs::remove_file(&file).unwrap_or_default();
+    if let Some(text) = observed.trouble {
+        return Err(Failure::failed(text));
+    }
+    let name = observers.name;
+    let Some(seen) = observed.seen.filter(|_| ran.outcome == Outcome::Done) else {
+        return Err(ended_early(&ran, &format!("; observers: {name}")));
+    };
+    let taken = observed.viewers.into_iter().map(Viewer::end).reduce(add);
+    Ok(Measured {
+        rate: seen.scans as f64 / seen.seconds,
+        scans: seen.scans,
+        viewed: taken.map(|taken| (taken, seen.viewed)),
+        bridge: seen.bridge_cpu.map(|cpu| (cpu, seen.seconds)),
+        recorded_bytes,
+    })
+}
+
+/// Runs a graph that is measured, quietly.
+fn launched(
+    graph: &Graph,
+    (rig, places, sway): (Rig, Vec<f64>, Vec<Sway>),
+    watcher: &mut impl Watcher,
+) -> Result<Ran, Failure> {
+    let launch = Launch {
+        graph,
         rig,
         scans: Vec::new(),
         places,
@@ -203,36 +230,27 @@ fn measure(args: &Args, observers: Observers, place: &Place) -> Result<Measured,
         changes: Vec::new(),
         no_seek: None,
     };
-    let (ran, _) = launch_before(launched, &mut observed)?;
-    let recorded_bytes = observers
-        .has_recorder
-        .then(|| fs::metadata(&file).map_or(0, |meta| meta.len()));
-    // What is still to be written of it must not slow the next run.
-    fs::remove_file(&file).unwrap_or_default();
-    if let Some(text) = observed.trouble {
-        return Err(Failure::failed(text));
+    Ok(launch_before(launch, watcher)?.0)
+}
+
+/// Why there is nothing to tell when the user ends it.
+fn interrupted() -> Failure {
+    Failure {
+        outcome: Outcome::Aborted,
+        text: "interrupted: nothing was measured to the end".to_owned(),
     }
-    let name = observers.name;
-    let Some(seen) = observed.seen.filter(|_| ran.outcome == Outcome::Done) else {
-        let done = ran.ledger.done;
-        return Err(Failure {
-            outcome: match ran.outcome {
-                Outcome::Done => Outcome::Aborted,
-                other => other,
-            },
-            text: format!(
-                "the graph ended after {done} scans, before enough was seen; observers: {name}"
-            ),
-        });
-    };
-    let taken = observed.viewers.into_iter().map(Viewer::end).reduce(add);
-    Ok(Measured {
-        rate: seen.scans as f64 / seen.seconds,
-        scans: seen.scans,
-        viewed: taken.map(|taken| (taken, seen.viewed)),
-        bridge: seen.bridge_cpu.map(|cpu| (cpu, seen.seconds)),
-        recorded_bytes,
-    })
+}
+
+/// Why a run that ended tells nothing.
+fn ended_early(ran: &Ran, of: &str) -> Failure {
+    let done = ran.ledger.done;
+    Failure {
+        outcome: match ran.outcome {
+            Outcome::Done => Outcome::Aborted,
+            other => other,
+        },
+        text: format!("the graph ended after {done} scans, before enough was seen{of}"),
+    }
 }
 
 fn add(one: Taken, other: Taken) -> Taken {

@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
         remarks: super::input::recorded(&source)
             .map(|input| ("input", input))
             .into_iter()
-            .chain([(MEASURED, json!(graph.all_measured()))])
+            .chain([(MEASURED, json!(graph.measured()))])
             .collect(),
         is_quiet: args.json,
         timeline: None,
@@ -129,7 +129,7 @@ pub(super) fn plan(
     settle_rail(&mut graph, &source, &mut said);
     // So that nobody has to find it out again, and that it is recorded.
     if let Some(bits) = source.bits() {
-        graph.measured("capture", "bits", bits);
+        graph.fill_in_measured("capture", "bits", bits);
     }
     settle_truth(&mut graph, &source)?;
     let rig = rig(&graph, &source)?;
@@ -252,8 +252,8 @@ fn open_source(graph: &Graph) -> Result<Source, Failure> {
 /// Settles which topics of a bag are its views, so that it is recorded.
 fn settle_topics(graph: &mut Graph, source: &Source) {
     if let Some(topics) = source.topics() {
-        graph.measured("capture", "topics", json!(topics));
-        graph.measured("capture", "views", json!("all"));
+        graph.fill_in_measured("capture", "topics", json!(topics));
+        graph.fill_in_measured("capture", "views", json!("all"));
     }
 }
 
@@ -263,8 +263,8 @@ fn settle_rail(graph: &mut Graph, source: &Source, said: &mut Early) {
         graph.remove("map");
         return;
     };
-    graph.measured("capture", "stride", rail.stride);
-    graph.measured("capture", "drift", rail.drift_px);
+    graph.fill_in_measured("capture", "stride", rail.stride);
+    graph.fill_in_measured("capture", "drift", rail.drift_px);
     if let Some(why) = too_few_for_a_map(graph, source) {
         said.say(Level::Warn, "map", why);
     }
@@ -280,7 +280,7 @@ fn settle_rail(graph: &mut Graph, source: &Source, said: &mut Early) {
             "disparities go down to {least} px and are searched from there; match.disparity_least says another"
         );
         said.say(Level::Info, "match", text);
-        graph.measured("match", "disparity_least", f64::from(least));
+        graph.fill_in_measured("match", "disparity_least", f64::from(least));
     }
 }
 

@@ -17,7 +17,6 @@ use crate::cli::Bench as Args;
 use crate::commands::run::{Planned, plan};
 use crate::graph::{Graph, Overrides};
 use crate::instances::{self, STAGES};
-use crate::launcher::{Launch, launch_before};
 use crate::running::Running;
 use crate::supervisor::Watcher;
 use crate::{Failure, Outcome, rundir, signals};
@@ -39,10 +38,7 @@ pub(super) fn run(args: &Args) -> Result<Outcome, Failure> {
             let index = (round + turn) % counts.len();
             let once = measure(args, &counts[index]);
             if stop.load(Ordering::Relaxed) {
-                return Err(Failure {
-                    outcome: Outcome::Aborted,
-                    text: "interrupted: nothing was measured to the end".to_owned(),
-                });
+                return Err(super::interrupted());
             }
             let once = once?;
             if !args.json {
@@ -110,29 +106,9 @@ fn measure(args: &Args, count: &str) -> Result<Measured, Failure> {
         .filter(|stage| graph.has(stage))
         .map(of)
         .collect();
-    let launched = Launch {
-        graph: &graph,
-        rig,
-        scans: Vec::new(),
-        places,
-        sway,
-        said: Vec::new(),
-        remarks: Vec::new(),
-        is_quiet: true,
-        timeline: None,
-        changes: Vec::new(),
-        no_seek: None,
-    };
-    let (ran, _) = launch_before(launched, &mut timed)?;
+    let ran = super::launched(&graph, (rig, places, sway), &mut timed)?;
     let (Some(first), Some(last), Outcome::Done) = (timed.first, timed.last, ran.outcome) else {
-        let done = ran.ledger.done;
-        return Err(Failure {
-            outcome: match ran.outcome {
-                Outcome::Done => Outcome::Aborted,
-                other => other,
-            },
-            text: format!("the graph ended after {done} scans, before enough was seen"),
-        });
+        return Err(super::ended_early(&ran, ""));
     };
     let scans = (last.done - first.done) as f64;
     let spent = |(node, cpu): (&String, &f64)| {

@@ -263,10 +263,9 @@ pub fn compare(
     let agreement = both(agreement(a, &scans[0])?, agreement(b, &scans[1])?);
     let time = time([stage_times(a, &scans[0])?, stage_times(b, &scans[1])?]);
     // A map is of all frames.
-    let is_all = only == [0; 2];
-    let maps = match is_all {
-        true => both(mapped(a)?, mapped(b)?),
-        false => None,
+    let maps = match only {
+        [0, 0] => both(mapped(a)?, mapped(b)?),
+        _ => None,
     };
     Ok(Comparison {
         scans: common.len() as u64,
