@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use capture::calibrate::Model;
 use capture::{Layout, Views};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use messages::{Delivery, Reference, Stage};
 
@@ -334,30 +335,11 @@ pub(crate) struct Record {
     pub(crate) json: bool,
 }
 
-/// The stages, as on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum StageArg {
-    Capture,
-    Filter,
-    Track,
-    Hough,
-    Match,
-    Map,
-    Evaluate,
-}
-
-impl From<StageArg> for Stage {
-    fn from(stage: StageArg) -> Self {
-        match stage {
-            StageArg::Capture => Self::Capture,
-            StageArg::Filter => Self::Filter,
-            StageArg::Track => Self::Track,
-            StageArg::Hough => Self::Hough,
-            StageArg::Match => Self::Match,
-            StageArg::Map => Self::Map,
-            StageArg::Evaluate => Self::Evaluate,
-        }
-    }
+/// Takes the name of a stage.
+fn stage() -> impl TypedValueParser<Value = Stage> {
+    let names = Stage::all().into_iter().map(Stage::name);
+    PossibleValuesParser::new(names)
+        .try_map(|name| Stage::named(&name).ok_or_else(|| format!("there is no stage {name}")))
 }
 
 /// A range of scans.
@@ -392,12 +374,12 @@ impl std::str::FromStr for Scans {
 pub(crate) struct Replay {
     /// The recording; its further parts are found by their names
     pub(crate) file: PathBuf,
-    /// The first stage that computes anew; what was recorded of the stages before it is played
-    #[arg(long, value_enum, default_value = "capture", value_name = "STAGE")]
-    pub(crate) from: StageArg,
-    /// The last stage that computes
-    #[arg(long, value_enum, default_value = "evaluate", value_name = "STAGE")]
-    pub(crate) to: StageArg,
+    /// The first stage that computes anew, with all that take from it; what was recorded of the others is played
+    #[arg(long, value_parser = stage(), default_value = "capture", value_name = "STAGE")]
+    pub(crate) from: Stage,
+    /// The last stage that computes, beside those it takes from; by default all compute
+    #[arg(long, value_parser = stage(), value_name = "STAGE")]
+    pub(crate) to: Option<Stage>,
     /// Play in the recording's own time, this many times as fast; without it, as fast as the graph goes
     #[arg(long, value_name = "R", conflicts_with = "lockstep", value_parser = rate)]
     pub(crate) rate: Option<f64>,
@@ -466,8 +448,8 @@ impl Replay {
         Self {
             file,
             scans,
-            from: StageArg::Capture,
-            to: StageArg::Evaluate,
+            from: Stage::CAPTURE,
+            to: None,
             rate: None,
             lockstep: false,
             repeat: false,

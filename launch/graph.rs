@@ -13,7 +13,7 @@ use serde::Deserialize as _;
 use serde_json::{Map, Value};
 
 use crate::profile::Profile;
-use crate::registry::{self, NODES, NodeType};
+use crate::registry::{self, NodeType};
 use crate::{Failure, instances};
 
 const BUILT_IN: &str = include_str!("default.toml");
@@ -130,7 +130,7 @@ impl Graph {
             serde_json::from_value(own).map_err(|e| format!("[{GRAPH}] {e}"))?;
         settings.check().map_err(|e| format!("{GRAPH}.{e}"))?;
         let mut nodes = Vec::new();
-        for node in NODES {
+        for node in registry::nodes() {
             if let Some(value) = take(node.name, node.keys, (node.settings)(profile))? {
                 checked(node, &value)?;
                 nodes.push((node, value));
@@ -199,7 +199,7 @@ impl Graph {
             ));
         }
         if finishers.count() == 0 {
-            let names = NODES.iter().filter(|node| node.finishes);
+            let names = registry::nodes().iter().filter(|node| node.finishes);
             let names: Vec<String> = names.map(|node| format!("[{}]", node.name)).collect();
             return Err(format!(
                 "nothing would be done with the results: a graph needs {}",
@@ -295,7 +295,7 @@ impl Graph {
             let nodes = &mut self.nodes.iter();
             nodes.any(|(node, settings)| (node.takes)(settings).contains(kind))
         };
-        Kind::ALL.into_iter().filter(takes).collect()
+        Kind::all().filter(takes).collect()
     }
 
     /// The filter's channels, coarse to fine.
@@ -518,7 +518,7 @@ pub(crate) fn known_node(name: &str) -> Result<(), String> {
     if name == GRAPH || registry::find(name).is_some() {
         return Ok(());
     }
-    let known = || NODES.iter().map(|node| node.name).chain([GRAPH]);
+    let known = || registry::nodes().iter().map(|node| node.name).chain([GRAPH]);
     Err(match nearest(name, known()) {
         Some(near) => format!("there is no node {name}; do you mean {near}?"),
         None => format!(

@@ -16,6 +16,7 @@
 
 mod pipeline;
 
+pub use messages::{self, message};
 pub use messages::{Calibration, MatchPoint, MatchesView, Point, Rig, Size};
 pub use pipeline::{Found, Pipeline, PipelineError, Settings};
 
@@ -25,6 +26,55 @@ pub mod settings {
     pub use hough::Settings as Hough;
     pub use matching::Settings as Matching;
     pub use track::Settings as Track;
+}
+
+/// Writes the settings of a node of one's own: each line a key with its meaning, type, default and, for numbers, range. What
+/// is wrong in a graph file is refused with that in words.
+///
+/// ```
+/// tricurve::settings! {
+///     /// What counts as strong.
+///     pub struct Settings {
+///         /// Gray levels per pixel from which on a zero-crossing is strong.
+///         pub strong: f32 = 8.0, in 0..=255;
+///     }
+/// }
+/// assert_eq!(Settings::default().strong, 8.0);
+/// ```
+#[macro_export]
+macro_rules! settings {
+    ($($table:tt)+) => {
+        $crate::messages::settings! { "::tricurve::messages::serde"; $($table)+ }
+    };
+}
+
+/// Writes the type of a row of a message of one's own: a struct of `f32` and `u32`, each member with its meaning and unit,
+/// which recordings and viewers are told.
+///
+/// ```
+/// tricurve::row! {
+///     /// Zero-crossings of about one strength.
+///     pub struct Class {
+///         /// The least of their magnitudes, in gray levels per pixel.
+///         pub least: f32,
+///         /// How many there are.
+///         pub count: u32,
+///     }
+/// }
+/// tricurve::message! {
+///     /// How strong the zero-crossings of a view are.
+///     pub Histogram, HistogramView, HistogramRoom
+///         = "histogram" by "histogram" from [tricurve::messages::Kind::Edges] per [view, channel] {
+///         /// Weakest first.
+///         classes: Class = |_size| 8,
+///     }
+/// }
+/// ```
+#[macro_export]
+macro_rules! row {
+    ($($row:tt)+) => {
+        $crate::messages::row! { "::tricurve::messages::bytemuck"; $($row)+ }
+    };
 }
 
 /// Says a line to the user on standard error. A terminal that is gone is no reason to fail: the run still has to end in
@@ -96,4 +146,6 @@ mod supervisor;
 #[cfg(feature = "program")]
 pub(crate) use program::{Failure, Outcome};
 #[cfg(feature = "program")]
-pub use program::{main, whole_graph};
+pub use program::whole_graph;
+#[cfg(feature = "program")]
+pub use registry::{App, NodeType};

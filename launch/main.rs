@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    tricurve::main()
+    tricurve::App::new().main()
 }

@@ -8,7 +8,7 @@ use messages::settings::nearest;
 use serde_json::{Number, Value};
 
 use crate::graph::{GRAPH, check_tables, checked, known_key};
-use crate::registry::{self, NODES, NodeType};
+use crate::registry::{self, NodeType, nodes};
 
 /// How a value is written that the node finds by itself.
 const AUTOMATIC: &str = "automatic";
@@ -28,7 +28,7 @@ impl Parameters {
             Change::apply(changes, node.name, &mut table);
             Some((node.name, table))
         };
-        let tunable = NODES.iter().filter(|node| node.fixed.is_some());
+        let tunable = nodes().iter().filter(|node| node.fixed.is_some());
         Self {
             tables: tunable.filter_map(table).collect(),
         }
@@ -37,7 +37,7 @@ impl Parameters {
     /// All of them, in the order of the pipe.
     pub(crate) fn list(&self) -> Vec<Parameter> {
         let mut list = Vec::new();
-        for node in NODES {
+        for node in nodes() {
             let Some(table) = self.tables.get(node.name) else {
                 continue;
             };

@@ -51,12 +51,12 @@ impl Profile {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use crate::registry::NODES;
+    use crate::registry::nodes;
 
     #[test]
     fn what_a_profile_changes_is_a_setting_of_that_node_and_not_its_default() {
         for &(profile, node, key, _) in CHANGES {
-            let node = NODES.iter().find(|known| known.name == node).unwrap();
+            let node = nodes().iter().find(|known| known.name == node).unwrap();
             let of = |profile| (node.settings)(profile)[key].clone();
             let is_known = node.keys.iter().any(|known| known.name == key);
             assert!(is_known, "{} has no {key}", node.name);

@@ -69,8 +69,14 @@ impl Failure {
     }
 }
 
-/// Is the program: reads its command line and does what it says.
-pub fn main() -> ExitCode {
+/// How a program ends whose own nodes cannot be had.
+pub(crate) fn refused(why: &str) -> ExitCode {
+    crate::say!("tricurve: {why}");
+    ExitCode::from(Outcome::Failed.code())
+}
+
+/// Reads the command line and does what it says.
+pub(crate) fn main() -> ExitCode {
     let outcome = match cli::Cli::try_parse() {
         Ok(cli) => commands::run(cli).unwrap_or_else(|failure| {
             crate::say!("tricurve: {}", failure.text);

@@ -61,7 +61,7 @@ fn open(path: &Path) -> Result<(Recording, Option<TempDir>), Failure> {
     for note in recording.notes().iter().chain(recording.remarks()) {
         crate::say!("tricurve: {}: {note}", recording.path().display());
     }
-    let mut without = Kind::ALL.to_vec();
+    let mut without = Kind::all().collect::<Vec<_>>();
     without.retain(|kind| *kind != Kind::Points);
     let scans = recording.whole_scans();
     let computed = proof::complete(&mut recording, &scans, &without)?;

@@ -93,7 +93,8 @@ fn why_empty(path: &Path, wanted: &Export) -> &'static str {
 /// Computes what is exported of a proof and is not in it.
 fn complete(recording: &mut Recording, wanted: &Export) -> Result<Option<TempDir>, Failure> {
     // Which kinds each format is made of, and whether of all scans.
-    let all = &Kind::ALL[..];
+    let all: Vec<Kind> = Kind::all().collect();
+    let all = &all[..];
     let needs: [(bool, &[Kind], bool); 5] = [
         (wanted.csv.is_some(), &[Kind::Points], true),
         (wanted.ply.is_some(), &[Kind::Image, Kind::Points], true),
@@ -102,7 +103,7 @@ fn complete(recording: &mut Recording, wanted: &Export) -> Result<Option<TempDir
         (wanted.thesis.is_some(), all, true),
     ];
     let needed: Vec<_> = needs.into_iter().filter(|(wanted, ..)| *wanted).collect();
-    let mut without = Kind::ALL.to_vec();
+    let mut without = Kind::all().collect::<Vec<_>>();
     without.retain(|kind| !needed.iter().any(|(_, kinds, _)| kinds.contains(kind)));
     let mut scans = match wanted.scan {
         Some(scan) => vec![scan],

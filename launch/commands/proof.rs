@@ -133,11 +133,11 @@ pub(super) fn rehydrate(wanted: &Wanted<'_>) -> Result<Rehydrated, Failure> {
         ..
     } = Plan::of(&args, Some(("rehydrate", own)), &mut said)?;
     let lead = selection.lead as u64;
-    let deepest = Kind::ALL.into_iter().filter(|kind| {
+    let deepest = Kind::all().filter(|kind| {
         let stage = kind.stage().name();
         graph.has(stage) && !wanted.without.contains(kind)
     });
-    let deepest = deepest.map(|kind| depth(&rig, Stage::Capture, kind));
+    let deepest = deepest.map(|kind| depth(&rig, Stage::CAPTURE, kind));
     let deepest = deepest.max().unwrap_or(0);
     let all = lead..selection.scans.len() as u64;
     let follows = |tick: &u64| selection.follows(*tick, deepest);

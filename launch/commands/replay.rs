@@ -29,10 +29,10 @@ use crate::said::Early;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
-    if args.compare && Stage::from(args.from) > Stage::Match {
+    if args.compare && !Stage::MATCH.follows(args.from) {
         return Err(Failure::usage(format!(
             "--compare compares points, and from {} on none are computed: --from match, or an earlier stage",
-            Stage::from(args.from).name()
+            args.from.name()
         )));
     }
     if !args.compare || args.record.is_some() {
@@ -60,7 +60,7 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
         before,
         is_less,
     } = Plan::of(args, None, &mut said)?;
-    let from = Stage::from(args.from);
+    let from = args.from;
     let recorded = &source.metadata().configuration;
     let new_recording = recording(&mut graph)?;
     if let Some(new) = &new_recording {
@@ -194,11 +194,12 @@ impl Plan {
             said.say(Level::Info, "replay", note.to_string());
         }
         let set = given::settings(args, &mut source)?;
-        let from = Stage::from(args.from);
-        let to = Stage::from(args.to);
-        if to < from {
+        let (from, to) = (args.from, args.to);
+        if let Some(to) = to.filter(|to| !to.follows(from)) {
             let (from, to) = (from.name(), to.name());
-            let text = format!("--to {to} comes before --from {from}: nothing would be computed");
+            let text = format!(
+                "--to {to} takes nothing of what --from {from} makes: nothing would be computed"
+            );
             return Err(Failure::usage(text));
         }
         let stages = computing(&source, from, to);
@@ -218,7 +219,7 @@ impl Plan {
         let left_out = graph.settings_of("rehydrate").get("without");
         let left_out = left_out.and_then(|kinds| serde_json::from_value(kinds.clone()).ok());
         let left_out: Vec<Kind> = left_out.unwrap_or_default();
-        let mut without = Kind::ALL.to_vec();
+        let mut without = Kind::all().collect::<Vec<_>>();
         let unproven = record::rehydrate::unproven(source.metadata());
         let is_wanted = |kind: &Kind| {
             let is_known = is_proven(&source, &proven, *kind) || unproven.contains(kind);
@@ -237,10 +238,9 @@ impl Plan {
         }
         let rig = rig(&graph, &source)?;
         // What is verified or compared along a rail depends on frames before: they are played too.
-        let depths = Kind::ALL.map(|kind| depth(&rig, from, kind));
-        let is_computed = |(kind, _): &(Kind, u64)| graph.has(kind.stage().name());
-        let depths = Kind::ALL.into_iter().zip(depths).filter(is_computed);
-        let before = depths.map(|(_, depth)| depth).max().unwrap_or(0);
+        let computed = Kind::all().filter(|kind| graph.has(kind.stage().name()));
+        let depths = computed.map(|kind| depth(&rig, from, kind));
+        let before = depths.max().unwrap_or(0);
         let before = match args.verify || args.compare {
             true => before,
             false => 0,
@@ -377,23 +377,23 @@ fn is_held(source: &Recording, kind: Kind) -> bool {
         .any(|topic| channels.contains_key(&*topic.name))
 }
 
-/// The stages that compute: those of the recording's own graph from the cut on, no evaluation without a truth, and a map
-/// only where one was made.
-fn computing(source: &Recording, from: Stage, to: Stage) -> Vec<Stage> {
+/// The stages that compute: those of the recording's own graph from the cut on, no evaluation without a truth, and a map and
+/// what others make only where there was one.
+fn computing(source: &Recording, from: Stage, to: Option<Stage>) -> Vec<Stage> {
     let knows_truth = !not_held(source, from).contains(&Kind::Truth);
     let configuration = &source.metadata().configuration;
-    let is_evaluated = knows_truth && configuration.get(Stage::Evaluate.name()).is_some();
+    let was_there = |stage: Stage| configuration.get(stage.name()).is_some();
     let is_rail = source.metadata().rig.rail.is_some();
-    let is_mapped = is_rail && configuration.get(Stage::Map.name()).is_some();
+    let own = Stage::own();
     let computes = |stage: &Stage| {
-        let is_there = match stage {
-            Stage::Evaluate => is_evaluated,
-            Stage::Map => is_mapped,
-            _ => true,
+        let is_there = match *stage {
+            Stage::EVALUATE => knows_truth && was_there(*stage),
+            Stage::MAP => is_rail && was_there(*stage),
+            other => own.contains(&other) || was_there(other),
         };
-        is_there && (from..=to).contains(stage)
+        is_there && stage.follows(from) && to.is_none_or(|to| to.follows(*stage))
     };
-    Stage::ALL.into_iter().skip(1).filter(computes).collect()
+    Stage::computing().into_iter().filter(computes).collect()
 }
 
 /// The topics that are computed anew and that the recording holds, or has digests of.
@@ -402,7 +402,7 @@ fn expected(source: &Recording, proven: &BTreeSet<String>, graph: &Graph) -> Vec
     let is_computed = |topic: &Topic| {
         let stage = topic.kind.stage();
         let is_known = channels.contains_key(&*topic.name) || proven.contains(&topic.name);
-        stage != Stage::Capture && graph.has(stage.name()) && is_known
+        stage != Stage::CAPTURE && graph.has(stage.name()) && is_known
     };
     let mut topics = Topic::all(&source.metadata().rig);
     topics.retain(is_computed);
@@ -419,7 +419,7 @@ fn graph(
     recorded: &Value,
     sink: Option<(&'static str, Value)>,
 ) -> Result<Graph, Failure> {
-    let from = Stage::from(args.from);
+    let from = args.from;
     let mut tables = Map::new();
     let names = stages.iter().map(|stage| stage.name());
     for name in names.chain(["graph"]) {
@@ -428,13 +428,13 @@ fn graph(
         }
     }
     // Recordings of before points of a map were held apart hold all of them.
-    if let Some(Value::Object(map)) = tables.get_mut(Stage::Map.name()) {
+    if let Some(Value::Object(map)) = tables.get_mut(Stage::MAP.name()) {
         map.entry("apart").or_insert(json!(0.0));
     }
     // Recordings of before R-tables were made only where they are read hold them all; where they hold none, the matcher of
     // this replay, if it has one, decides again.
-    let matches = stages.contains(&Stage::Match);
-    if let Some(Value::Object(hough)) = tables.get_mut(Stage::Hough.name()) {
+    let matches = stages.contains(&Stage::MATCH);
+    if let Some(Value::Object(hough)) = tables.get_mut(Stage::HOUGH.name()) {
         let made = hough.entry("tables").or_insert(json!(true)) == &json!(true);
         if matches && !made {
             hough.remove("tables");
@@ -479,7 +479,7 @@ fn graph(
         .keys()
         .filter(|(node, _)| !tables.contains_key(*node))
     {
-        if node == Stage::Capture.name() {
+        if node == Stage::CAPTURE.name() {
             return Err(Failure::usage(format!(
                 "{node}.{key} was settled when the recording was made, and a replay has no capture: run again on the source"
             )));
@@ -491,10 +491,10 @@ fn graph(
     let graph = Graph::of_tables(tables, Profile::Default, &overrides)
         .map_err(|text| Failure::usage(format!("the recording's graph: {text}")))?;
     let made = |hough: &Value| hough.get("tables") != Some(&json!(false));
-    let matching = graph.settings_of(Stage::Match.name());
-    if graph.has(Stage::Match.name())
-        && !graph.has(Stage::Hough.name())
-        && !recorded.get(Stage::Hough.name()).is_none_or(made)
+    let matching = graph.settings_of(Stage::MATCH.name());
+    if graph.has(Stage::MATCH.name())
+        && !graph.has(Stage::HOUGH.name())
+        && !recorded.get(Stage::HOUGH.name()).is_none_or(made)
         && reads_tables(matching).map_err(Failure::usage)?
     {
         return Err(Failure::usage(
@@ -506,20 +506,21 @@ fn graph(
 
 /// Why a node that there is has no part in a replay; `None` of one that nobody knows.
 fn why_not(args: &Args, node: &str) -> Option<String> {
-    let (from, to) = (Stage::from(args.from), Stage::from(args.to));
-    let stage = Stage::ALL.into_iter().find(|stage| stage.name() == node);
+    let (from, to) = (args.from, args.to);
+    let stage = Stage::named(node);
+    let after = to.filter(|to| !stage.is_none_or(|stage| to.follows(stage)));
     Some(match (stage, node) {
-        (Some(stage), _) if stage < from => format!(
+        (Some(stage), _) if !stage.follows(from) => format!(
             "a replay from {} plays what {node} made as it was recorded: replay --from {node}",
             from.name()
         ),
-        (Some(stage), _) if stage > to => {
-            format!(
-                "a replay to {} ends before {node}: replay --to {node}",
+        (Some(_), _) => match after {
+            Some(to) => format!(
+                "a replay to {} computes no {node}, which it does not need: replay --to {node}",
                 to.name()
-            )
-        }
-        (Some(_), _) => format!("the recording was made without {node}"),
+            ),
+            None => format!("the recording was made without {node}"),
+        },
         (None, "record") => "nothing is recorded: replay --record FILE".to_owned(),
         (None, "bridge") => "nothing is shown: replay --view".to_owned(),
         (None, "verify") => "nothing is verified: replay --verify".to_owned(),
@@ -544,7 +545,7 @@ fn without_nulls(table: &Value) -> Value {
 fn left_out(args: &Args, from: Stage) -> Result<Vec<Kind>, Failure> {
     let mut left_out = replayed_kinds(from);
     if let Some(topics) = &args.topics {
-        let names = || Kind::ALL.into_iter().map(Kind::name);
+        let names = || Kind::all().map(Kind::name);
         if let Some(unknown) = topics
             .iter()
             .find(|topic| !names().any(|name| name == **topic))
@@ -562,7 +563,7 @@ fn left_out(args: &Args, from: Stage) -> Result<Vec<Kind>, Failure> {
             )));
         }
         let is_unwanted = |kind: &Kind| !is_wanted(kind);
-        left_out.extend(Kind::ALL.into_iter().filter(is_unwanted));
+        left_out.extend(Kind::all().filter(is_unwanted));
         left_out.sort_unstable();
         left_out.dedup();
     }
@@ -573,7 +574,7 @@ fn left_out(args: &Args, from: Stage) -> Result<Vec<Kind>, Failure> {
 fn changes(graph: &Graph, recorded: &Value) -> BTreeMap<String, [Value; 2]> {
     let now = graph.configuration();
     let mut changes = BTreeMap::new();
-    for name in Stage::ALL.into_iter().skip(1).map(Stage::name) {
+    for name in Stage::computing().into_iter().map(Stage::name) {
         let (Some(Value::Object(table)), Some(then)) = (now.get(name), recorded.get(name)) else {
             continue;
         };

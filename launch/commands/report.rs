@@ -15,7 +15,7 @@ use crate::cli::Report as Args;
 use crate::graph::{self, GRAPH};
 use crate::offline::Tabulated;
 use crate::profile::Profile;
-use crate::registry::NODES;
+use crate::registry::nodes;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
@@ -136,16 +136,16 @@ const METHODS: [(&str, Method); 3] = [
 pub(super) fn known() -> Result<Known, Failure> {
     let own = serde_json::to_value(graph::Settings::default()).map_err(Failure::failed)?;
     let settings = |profile: Profile| {
-        let nodes = NODES.iter();
-        let nodes = nodes.map(|node| (node.name.to_owned(), (node.settings)(profile)));
-        let all: Map<String, Value> = nodes.chain([(GRAPH.to_owned(), own.clone())]).collect();
+        let of_nodes = nodes().iter();
+        let of_nodes = of_nodes.map(|node| (node.name.to_owned(), (node.settings)(profile)));
+        let all: Map<String, Value> = of_nodes.chain([(GRAPH.to_owned(), own.clone())]).collect();
         Value::Object(all)
     };
     let meaning = |node: &str, key: &Key| {
         let place = (node.to_owned(), key.name.to_owned());
         (place, key.about.to_owned())
     };
-    let of_nodes = NODES
+    let of_nodes = nodes()
         .iter()
         .flat_map(|node| node.keys.iter().map(|key| meaning(node.name, key)));
     let of_graph = graph::Settings::KEYS.iter().map(|key| meaning(GRAPH, key));

@@ -45,10 +45,10 @@ use serde::{Deserialize, Serialize};
 use crate::change::Change;
 use crate::header::{Header, Sway};
 use crate::ledger::{Account, Ledger, Seen, Shard};
-use crate::payload::AnyView;
 use crate::rig::{Delivery, Rig};
 use crate::synchronisation::Synchronisation;
-use crate::topic::{Kind, Topic};
+use crate::payload::Kind;
+use crate::topic::Topic;
 
 pub use ask::{
     Answer, Ask, LONGEST_LINE, NodeState, Parameter, State, ask, read_changes, socket_of,
@@ -125,13 +125,13 @@ impl Run {
     /// The kinds of message that some node takes, in the order of the pipe.
     pub fn taken(&self) -> Vec<Kind> {
         let is_taken = |kind: &Kind| self.takers(*kind).next().is_some();
-        Kind::ALL.into_iter().filter(is_taken).collect()
+        Kind::all().filter(is_taken).collect()
     }
 
     /// The kinds of message that are made, in the order of the pipe.
     pub fn kinds(&self) -> Vec<Kind> {
         let is_made = |kind: &Kind| self.nodes.iter().any(|n| n.makes.contains(kind));
-        Kind::ALL.into_iter().filter(is_made).collect()
+        Kind::all().filter(is_made).collect()
     }
 
     /// Whether some node has several instances, whose results overtake each other.
@@ -153,7 +153,7 @@ impl Run {
     /// Bytes of shared memory that all scans under way need in the worst case, every pixel a zero-crossing.
     pub fn worst_case_bytes(&self) -> u64 {
         let size = self.rig.size;
-        let words = |kind| AnyView::words(kind, size) as u64 * 8;
+        let words = |kind: Kind| kind.definition().words(size) as u64 * 8;
         let topics = self.kinds().into_iter();
         let topics = topics.flat_map(|kind| Topic::of(&self.rig, kind));
         let scan: u64 = topics.map(|topic| words(topic.kind)).sum();

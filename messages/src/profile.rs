@@ -11,7 +11,7 @@
 use multiversion::multiversion;
 
 use crate::header::Size;
-use crate::payload::Edge;
+use crate::elements::Edge;
 
 /// Columns of margin on either side: profiles reach 6 columns and one pixel to interpolate with.
 const MARGIN: usize = 8;

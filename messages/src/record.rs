@@ -18,9 +18,9 @@ mod edges;
 mod encoder;
 mod overlay;
 mod pictures;
+mod plain;
 mod proof;
 mod refer;
-mod row;
 mod said;
 mod scene;
 mod schema;
@@ -33,6 +33,7 @@ mod wire;
 pub use codec::{Beside, DecodeError, Recorded, Said};
 pub use encoder::{Encoder, Sink};
 pub use pictures::{Pictured, Seen};
+pub use plain::OtherOwned;
 pub use proof::{DIGESTS, Digest, Digests, VERSIONS};
 pub use said::{CameraSaid, frame_said, places_said, size_said};
 pub use scene::{Level, SWAY};
@@ -46,7 +47,8 @@ pub const TRANSFORMS: &str = "tf";
 
 use crate::header::NONE;
 use crate::rig::{Rail, Rig};
-use crate::topic::{Kind, Topic};
+use crate::payload::Kind;
+use crate::topic::Topic;
 
 /// What a recording's channel carries.
 #[derive(Clone, Debug, PartialEq, Eq)]

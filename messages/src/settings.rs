@@ -141,12 +141,16 @@ pub trait Settings: Default + serde::Serialize + serde::de::DeserializeOwned {
 /// ```
 #[macro_export]
 macro_rules! settings {
-    ($(#[$about:meta])* pub struct $name:ident {
+    ($(#[$about:meta])* pub struct $($table:tt)+) => {
+        $crate::settings! { "serde"; $(#[$about])* pub struct $($table)+ }
+    };
+    // In front stands where serde is.
+    ($serde:literal; $(#[$about:meta])* pub struct $name:ident {
         $(#[doc = $doc:literal] $(#[doc = $more:literal])* pub $key:ident: $type:ty = $default:expr $(, in $least:literal ..= $most:literal)?;)*
     }) => {
         $(#[$about])*
-        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-        #[serde(deny_unknown_fields, default)]
+        #[derive(Clone, Debug, PartialEq, $crate::serde::Serialize, $crate::serde::Deserialize)]
+        #[serde(crate = $serde, deny_unknown_fields, default)]
         pub struct $name {
             $(#[doc = $doc] $(#[doc = $more])* pub $key: $type,)*
         }

@@ -1,169 +1,157 @@
 //! The one list of topics: recorder, replay and viewers walk it, none of them names a topic itself.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::header::NONE;
-use crate::rig::Rig;
+use crate::other::Other;
+use crate::payload::Kind;
+use crate::rig::{Rig, View};
 
-/// The stages a scan passes through, in order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Stage {
-    /// Frames come in.
-    Capture,
-    /// Frames become zero-crossings.
-    Filter,
-    /// Zero-crossings become curves.
-    Track,
-    /// Curves become R-tables.
-    Hough,
-    /// R-tables become matches, disparities and points.
-    Match,
-    /// Points of many frames along a rail become one map.
-    Map,
-    /// Points are compared with the truth, where it is known.
-    Evaluate,
-}
+/// A stage of the work on a scan, by the name of its node. What a stage comes after follows from what it takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Stage(&'static str);
 
 impl Stage {
-    /// All of them, in order.
-    pub const ALL: [Self; 7] = [
-        Self::Capture,
-        Self::Filter,
-        Self::Track,
-        Self::Hough,
-        Self::Match,
-        Self::Map,
-        Self::Evaluate,
-    ];
+    /// Frames come in.
+    pub const CAPTURE: Self = Self("capture");
+    /// Frames become zero-crossings.
+    pub const FILTER: Self = Self("filter");
+    /// Zero-crossings become curves.
+    pub const TRACK: Self = Self("track");
+    /// Curves become R-tables.
+    pub const HOUGH: Self = Self("hough");
+    /// R-tables become matches, disparities and points.
+    pub const MATCH: Self = Self("match");
+    /// Points of many frames along a rail become one map.
+    pub const MAP: Self = Self("map");
+    /// Points are compared with the truth, where it is known.
+    pub const EVALUATE: Self = Self("evaluate");
+
+    /// All of them: ours in the order of the pipe, then those of others.
+    pub fn all() -> Vec<Self> {
+        Self::of_kinds(Kind::all())
+    }
+
+    /// Ours, in the order of the pipe.
+    pub fn own() -> Vec<Self> {
+        Self::of_kinds(Kind::OWN.iter().copied())
+    }
+
+    fn of_kinds(kinds: impl Iterator<Item = Kind>) -> Vec<Self> {
+        let mut all = Vec::new();
+        for stage in kinds.map(Kind::stage) {
+            if !all.contains(&stage) {
+                all.push(stage);
+            }
+        }
+        all
+    }
+
+    /// The stages that compute: all but the one where frames come in.
+    pub fn computing() -> Vec<Self> {
+        let mut all = Self::all();
+        all.retain(|stage| *stage != Self::CAPTURE);
+        all
+    }
+
+    /// The stage of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::all().into_iter().find(|stage| stage.0 == name)
+    }
 
     /// The stage's name, which is its node's.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Capture => "capture",
-            Self::Filter => "filter",
-            Self::Track => "track",
-            Self::Hough => "hough",
-            Self::Match => "match",
-            Self::Map => "map",
-            Self::Evaluate => "evaluate",
-        }
+        self.0
     }
 
     /// The kinds of message that it takes in.
-    pub const fn takes(self) -> &'static [Kind] {
-        match self {
-            Self::Capture => &[],
-            Self::Filter => &[Kind::Image],
-            Self::Track => &[Kind::Edges],
-            Self::Hough => &[Kind::Curves],
-            Self::Match => &[Kind::Curves, Kind::Tables],
-            Self::Map => &[Kind::Points],
-            Self::Evaluate => &[Kind::Image, Kind::Truth, Kind::Matches, Kind::Points],
+    pub fn takes(self) -> Vec<Kind> {
+        let mut taken = Vec::new();
+        for kind in self.makes().flat_map(|kind| kind.definition().from) {
+            if !taken.contains(kind) {
+                taken.push(*kind);
+            }
         }
+        taken
     }
 
     /// The kinds of message that it publishes.
     pub fn makes(self) -> impl Iterator<Item = Kind> {
-        Kind::ALL
-            .into_iter()
-            .filter(move |kind| kind.stage() == self)
+        Kind::all().filter(move |kind| kind.stage() == self)
+    }
+
+    /// Whether something that it takes is made of what `earlier` makes, or it is that stage itself: when that computes anew,
+    /// so must this.
+    pub fn follows(self, earlier: Self) -> bool {
+        let takes = || self.takes().into_iter().map(Kind::stage);
+        self == earlier || takes().any(|stage| stage.follows(earlier))
     }
 }
 
-/// What a topic's messages are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Kind {
-    /// Frames, one topic a view; rectified, where a calibration says how.
-    Image,
-    /// Frames as the cameras took them, one topic a view, where they are asked for beside rectified ones.
-    #[serde(rename = "image_raw")]
-    Raw,
-    /// True disparities of the reference view, one topic, where the source knows them.
-    Truth,
-    /// Zero-crossings, one topic a view and channel.
-    Edges,
-    /// Curves, one topic a view and channel.
-    Curves,
-    /// R-tables, one topic a view and channel.
-    Tables,
-    /// Matched curves, one topic a channel.
-    Matches,
-    /// The disparity picture, one topic.
-    Disparity,
-    /// The points in space, one topic.
-    Points,
-    /// Points of the map that are settled, each once, one topic, of a rail only.
-    Map,
-    /// Points of the map that are still followed, one topic, of a rail only.
-    Growing,
-    /// How the points compare with the truth, one topic.
-    Evaluation,
+impl Serialize for Stage {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Stage {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        Self::named(&name).ok_or_else(|| unknown(&name, Self::all().into_iter().map(Self::name)))
+    }
+}
+
+/// The error about a name that is none of those known.
+fn unknown<E: serde::de::Error>(name: &str, known: impl Iterator<Item = &'static str>) -> E {
+    let known: Vec<String> = known.map(|name| format!("`{name}`")).collect();
+    E::custom(format!("unknown variant `{name}`, expected one of {}", known.join(", ")))
 }
 
 impl Kind {
-    /// All of them, in the order a scan makes them.
-    pub const ALL: [Self; 12] = [
-        Self::Image,
-        Self::Raw,
-        Self::Truth,
-        Self::Edges,
-        Self::Curves,
-        Self::Tables,
-        Self::Matches,
-        Self::Disparity,
-        Self::Points,
-        Self::Map,
-        Self::Growing,
-        Self::Evaluation,
-    ];
+    /// All of them, ours in the order a scan makes them, then those of others.
+    pub fn all() -> impl Iterator<Item = Self> + Clone {
+        let others = Other::all().iter().copied().map(Self::Other);
+        Self::OWN.iter().copied().chain(others)
+    }
 
     /// The stage that publishes it.
     pub const fn stage(self) -> Stage {
-        match self {
-            Self::Image | Self::Raw | Self::Truth => Stage::Capture,
-            Self::Edges => Stage::Filter,
-            Self::Curves => Stage::Track,
-            Self::Tables => Stage::Hough,
-            Self::Matches | Self::Disparity | Self::Points => Stage::Match,
-            Self::Map | Self::Growing => Stage::Map,
-            Self::Evaluation => Stage::Evaluate,
-        }
+        Stage(self.definition().stage)
     }
 
     /// Whether each view has a topic of its own.
     pub const fn is_per_view(self) -> bool {
-        matches!(
-            self,
-            Self::Image | Self::Raw | Self::Edges | Self::Curves | Self::Tables
-        )
+        self.definition().is_per_view
     }
 
     /// Whether each channel has a topic of its own.
     pub const fn is_per_channel(self) -> bool {
-        matches!(
-            self,
-            Self::Edges | Self::Curves | Self::Tables | Self::Matches
-        )
+        self.definition().is_per_channel
     }
 
     /// The first part of the topic's name, or all of it.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Image => "image",
-            Self::Raw => "image_raw",
-            Self::Truth => "truth",
-            Self::Edges => "edges",
-            Self::Curves => "curves",
-            Self::Tables => "tables",
-            Self::Matches => "matches",
-            Self::Disparity => "disparity",
-            Self::Points => "points",
-            Self::Map => "map",
-            Self::Growing => "map/growing",
-            Self::Evaluation => "evaluation",
-        }
+        self.definition().name
+    }
+
+    /// The name that settings know it by: the last part of [`name`](Self::name).
+    fn word(self) -> &'static str {
+        let name = self.name();
+        name.rsplit_once('/').map_or(name, |(_, word)| word)
+    }
+}
+
+impl Serialize for Kind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.word())
+    }
+}
+
+impl<'de> Deserialize<'de> for Kind {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let word = String::deserialize(deserializer)?;
+        let known = Self::all().find(|kind| kind.word() == word);
+        known.ok_or_else(|| unknown(&word, Self::all().map(Self::word)))
     }
 }
 
@@ -182,20 +170,12 @@ pub struct Topic {
 
 impl Topic {
     fn new(rig: &Rig, kind: Kind, view: u32, channel: u32) -> Self {
-        let mut name = match kind {
-            Kind::Image | Kind::Raw => {
-                format!("camera/{}/{}", rig.views[view as usize].name, kind.name())
+        let mut name = match (kind, rig.views.get(view as usize)) {
+            (Kind::Image | Kind::Raw, Some(View { name, .. })) => {
+                format!("camera/{name}/{}", kind.name())
             }
-            Kind::Edges | Kind::Curves | Kind::Tables => {
-                format!("{}/{}", kind.name(), rig.views[view as usize].name)
-            }
-            Kind::Truth
-            | Kind::Matches
-            | Kind::Disparity
-            | Kind::Points
-            | Kind::Map
-            | Kind::Growing
-            | Kind::Evaluation => kind.name().to_owned(),
+            (_, Some(View { name, .. })) => format!("{}/{name}", kind.name()),
+            (_, None) => kind.name().to_owned(),
         };
         if channel != NONE {
             name = format!("{name}/{}", rig.channels[channel as usize]);
@@ -210,15 +190,12 @@ impl Topic {
 
     /// Every data topic of a rig, in the order a scan makes them: by kind, then view, then channel.
     pub fn all(rig: &Rig) -> Vec<Self> {
-        Kind::ALL
-            .into_iter()
-            .flat_map(|kind| Self::of(rig, kind))
-            .collect()
+        Kind::all().flat_map(|kind| Self::of(rig, kind)).collect()
     }
 
     /// The topics of one kind, by view, then channel; what only a rail has a rig does not.
     pub fn of(rig: &Rig, kind: Kind) -> Vec<Self> {
-        if kind.stage() == Stage::Map && rig.rail.is_none() {
+        if kind.stage() == Stage::MAP && rig.rail.is_none() {
             return Vec::new();
         }
         let indices = |some: bool, len: usize| match some {
@@ -236,6 +213,7 @@ impl Topic {
 
 #[cfg(test)]
 mod tests {
+    #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
     use crate::Size;
 
@@ -254,6 +232,28 @@ mod tests {
         ] {
             assert!(names.iter().any(|n| n == name), "{name} in {names:?}");
         }
+    }
+
+    #[test]
+    fn a_stage_follows_those_whose_messages_it_takes_however_far_back() {
+        for stage in Stage::all() {
+            assert!(stage.follows(Stage::CAPTURE) && stage.follows(stage));
+        }
+        assert!(Stage::MAP.follows(Stage::FILTER) && Stage::EVALUATE.follows(Stage::HOUGH));
+        assert!(!Stage::MAP.follows(Stage::EVALUATE) && !Stage::EVALUATE.follows(Stage::MAP));
+        assert!(!Stage::FILTER.follows(Stage::TRACK));
+        assert_eq!(Stage::MATCH.takes(), [Kind::Curves, Kind::Tables]);
+    }
+
+    #[test]
+    fn kinds_and_stages_are_written_as_their_words() {
+        for kind in Kind::all() {
+            let text = serde_json::to_string(&kind).unwrap();
+            assert_eq!(serde_json::from_str::<Kind>(&text).unwrap(), kind);
+        }
+        assert_eq!(serde_json::to_string(&Kind::Growing).unwrap(), "\"growing\"");
+        let error = serde_json::from_str::<Stage>("\"trak\"").unwrap_err();
+        assert!(error.to_string().contains("expected one of `capture`, `filter`"), "{error}");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 use foxglove::Decode as _;
 use foxglove::messages as fg;
-use messages::payload::SECTIONS;
+use messages::SECTIONS;
 use messages::profile::Steady;
 use messages::record::{
     Beside, Codec, DecodeError, Level, Pictured, Recorded, Said, Seen, Shown, Span, Views,
@@ -178,24 +178,11 @@ macro_rules! for_every_topic {
         for $topic in &topics() {
             macro_rules! with {
                 ($each:ident) => {{
-                    type $kind = $each;
+                    type $kind = messages::$each;
                     $do
                 }};
             }
-            match $topic.kind {
-                Kind::Image => with!(Image),
-                Kind::Raw => with!(Raw),
-                Kind::Edges => with!(Edges),
-                Kind::Curves => with!(Curves),
-                Kind::Tables => with!(Tables),
-                Kind::Matches => with!(Matches),
-                Kind::Disparity => with!(Disparity),
-                Kind::Points => with!(Points),
-                Kind::Map => with!(Map),
-                Kind::Growing => with!(Growing),
-                Kind::Truth => with!(Truth),
-                Kind::Evaluation => with!(Evaluation),
-            }
+            messages::of_kind!($topic.kind, with, other => panic!("{other:?} was not registered"));
         }
     };
 }

@@ -5,7 +5,8 @@
 
 use super::Run;
 use super::ports::GUESTS;
-use crate::topic::{Kind, Topic};
+use crate::payload::Kind;
+use crate::topic::Topic;
 
 /// A process of a node without any port: standard streams, locks, its end of the bus, a second one for the thread that
 /// takes the launcher's commands, a file to read or write.
@@ -101,9 +102,9 @@ mod tests {
             let makes = stage
                 .makes()
                 .filter(|kind| !matches!(kind, Kind::Raw | Kind::Truth));
-            node(name, stage.takes(), makes.collect(), finishes)
+            node(name, &stage.takes(), makes.collect(), finishes)
         };
-        let recorded: Vec<Kind> = Stage::ALL
+        let recorded: Vec<Kind> = Stage::own()
             .into_iter()
             .flat_map(Stage::makes)
             .filter(|kind| !matches!(kind, Kind::Raw | Kind::Truth))
@@ -116,11 +117,11 @@ mod tests {
             cameras: false,
             in_flight: 8,
             nodes: vec![
-                stage("capture", Stage::Capture, false),
-                stage("filter", Stage::Filter, false),
-                stage("track", Stage::Track, false),
-                stage("hough", Stage::Hough, false),
-                stage("match", Stage::Match, true),
+                stage("capture", Stage::CAPTURE, false),
+                stage("filter", Stage::FILTER, false),
+                stage("track", Stage::TRACK, false),
+                stage("hough", Stage::HOUGH, false),
+                stage("match", Stage::MATCH, true),
                 node("record", &recorded, Vec::new(), true),
             ],
         }

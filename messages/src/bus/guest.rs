@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use super::ports::Ports;
 use super::{Book, BusError, Event, Inputs, Joined, Joins, Received, ReportsIn, Run};
-use crate::topic::{Kind, Topic};
+use crate::payload::Kind;
+use crate::topic::Topic;
 
 /// How often a guest looks for messages: no node rings a guest.
 pub const LOOK_EVERY: Duration = Duration::from_millis(5);

@@ -8,8 +8,9 @@ use super::ports::{self, DataSample, DataSubscriber, Ports};
 use super::{Book, BusError, Run};
 use crate::header::{Header, Size};
 use crate::ledger::Shard;
-use crate::payload::{AnyView, Message};
-use crate::topic::{Kind, Topic};
+use crate::message::Message;
+use crate::payload::{AnyView, Kind};
+use crate::topic::Topic;
 
 /// A message as received: its payload lies in shared memory until this is dropped.
 #[derive(Debug)]

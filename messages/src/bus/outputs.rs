@@ -8,8 +8,10 @@ use std::time::Instant;
 use super::ports::{self, Audience, Bell, DataPublisher, LoanedSample, Ports};
 use super::{Book, BusError, NodePlan, Run};
 use crate::header::{Header, Size};
-use crate::payload::{Message, SECTIONS};
-use crate::topic::{Kind, Topic};
+use crate::message::{Message, SECTIONS};
+use crate::other::OtherView;
+use crate::payload::Kind;
+use crate::topic::Topic;
 
 struct Output {
     topic: Topic,
@@ -101,17 +103,28 @@ impl Outputs {
     /// # Errors
     /// When there is no such topic or no shared memory to loan.
     pub fn loan<M: Message>(&self, view: u32, channel: u32) -> Result<Loan<M>, BusError> {
-        let key = (M::KIND, view, channel);
-        let is = |o: &Output| (o.topic.kind, o.topic.view, o.topic.channel) == key;
-        let output = self.all.iter().position(is);
-        let output = output.ok_or_else(|| BusError::port("find a topic to publish", key))?;
-        let sample = ports::loan(&self.all[output].publisher, M::words(self.room))?;
+        let (sample, output) = self.loan_of(M::KIND, view, channel)?;
         Ok(Loan {
             sample,
             output,
             room: self.room,
             kind: PhantomData,
         })
+    }
+
+    fn loan_of(
+        &self,
+        kind: Kind,
+        view: u32,
+        channel: u32,
+    ) -> Result<(LoanedSample, usize), BusError> {
+        let key = (kind, view, channel);
+        let is = |o: &Output| (o.topic.kind, o.topic.view, o.topic.channel) == key;
+        let output = self.all.iter().position(is);
+        let output = output.ok_or_else(|| BusError::port("find a topic to publish", key))?;
+        let words = kind.definition().words(self.room);
+        let sample = ports::loan(&self.all[output].publisher, words)?;
+        Ok((sample, output))
     }
 
     /// Sends what was written to all who take it.
@@ -127,7 +140,29 @@ impl Outputs {
         cause: &Header,
         filled: Filled,
     ) -> Result<(), BusError> {
-        let output = &self.all[loan.output];
+        self.publish_sample(loan.sample, loan.output, cause, filled)
+    }
+
+    /// Publishes a message of others that is known by its memory alone, under its header's view and channel.
+    ///
+    /// # Errors
+    /// As [`loan`](Self::loan) and [`publish`](Self::publish).
+    pub fn send_other(&self, header: &Header, message: OtherView<'_>) -> Result<(), BusError> {
+        let (mut sample, output) = self.loan_of(message.kind(), header.view, header.channel)?;
+        let words = sample.payload_mut();
+        let filled = Filled::of_other(message, self.room, words);
+        let filled = filled.ok_or_else(|| BusError::port("fit a message into words", header.lens))?;
+        self.publish_sample(sample, output, header, filled)
+    }
+
+    fn publish_sample(
+        &self,
+        sample: LoanedSample,
+        output: usize,
+        cause: &Header,
+        filled: Filled,
+    ) -> Result<(), BusError> {
+        let output = &self.all[output];
         let now = Instant::now();
         let since = self.book.borrow_mut().mark.replace(now);
         let elapsed = since.map(|mark| now - mark).unwrap_or_default();
@@ -141,11 +176,11 @@ impl Outputs {
         let is_lost =
             |(topic, scan): &(String, u64)| *topic == output.topic.name && *scan == cause.sequence;
         if !self.lost.as_ref().is_some_and(is_lost) {
-            ports::send(loan.sample, &header)?;
+            ports::send(sample, &header)?;
         }
         output.takers.iter().for_each(|bell| bell.ring());
         let mut book = self.book.borrow_mut();
-        book.bytes += filled.bytes::<M>();
+        book.bytes += filled.bytes;
         if !output.is_owed {
             return Ok(());
         }
@@ -185,23 +220,38 @@ impl Outputs {
 pub struct Filled {
     lens: [u32; SECTIONS],
     refused: usize,
+    /// The bytes of what was filled in.
+    bytes: u64,
 }
 
 impl Filled {
     /// How much of this room was filled.
     pub fn of<M: Message>(room: &M::Room<'_>) -> Self {
+        let lens = M::lens(room);
+        let sections = lens.iter().zip(M::element_bytes());
+        let bytes = sections.map(|(len, bytes)| u64::from(*len) * bytes as u64);
         Self {
-            lens: M::lens(room),
+            lens,
             refused: M::refused(room),
+            bytes: bytes.sum(),
         }
     }
 
-    /// The bytes of what was filled in.
-    fn bytes<M: Message>(&self) -> u64 {
-        let sections = self.lens.iter().zip(M::element_bytes());
-        sections
-            .map(|(len, bytes)| u64::from(*len) * bytes as u64)
-            .sum()
+    /// Copies a message of others to where its sections belong in a payload laid out for images up to `size`; `None` where one
+    /// finds no room.
+    fn of_other(message: OtherView<'_>, size: Size, words: &mut [u64]) -> Option<Self> {
+        let payload: &mut [u8] = bytemuck::cast_slice_mut(words);
+        let offsets = message.definition().offsets(size);
+        let sections = message.memory();
+        for (bounds, section) in offsets.windows(2).zip(&sections) {
+            let slots = payload.get_mut(bounds[0]..bounds[1])?;
+            slots.get_mut(..section.len())?.copy_from_slice(section);
+        }
+        Some(Self {
+            lens: message.lens(),
+            refused: 0,
+            bytes: sections.iter().map(|section| section.len() as u64).sum(),
+        })
     }
 }
 
@@ -241,7 +291,7 @@ impl<M: Message> Loan<M> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::payload::{Curve, Curves, Edge, Owned};
+    use crate::{Curve, Curves, Edge, Owned};
 
     #[test]
     fn a_message_weighs_what_its_sections_hold_and_not_the_room_they_had() {
@@ -254,6 +304,6 @@ mod tests {
         let sections = curves.view().sections(0);
         let bytes: usize = sections.iter().map(|section| section.bytes).sum();
         assert!(bytes > 0);
-        assert_eq!(filled.bytes::<Curves>(), bytes as u64);
+        assert_eq!(filled.bytes, bytes as u64);
     }
 }

@@ -23,7 +23,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::{BusError, NodePlan, Run};
 use crate::header::{Header, Size};
 use crate::ledger::Shard;
-use crate::payload::{ALIGNMENT, AnyView};
+use crate::message::ALIGNMENT;
 use crate::topic::Topic;
 
 /// The header as it stands before every payload in shared memory.
@@ -199,7 +199,7 @@ impl Ports {
         let service = self.data_service(topic, self.shard)?;
         let publisher = service
             .publisher_builder()
-            .initial_max_slice_len(AnyView::words(topic.kind, self.run.rig.size))
+            .initial_max_slice_len(topic.kind.definition().words(self.run.rig.size))
             .max_loaned_samples(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()

@@ -2,7 +2,7 @@
 
 use super::DecodeError;
 use super::wire::{Fill, Varints};
-use crate::payload::{Edge, MatchPoint};
+use crate::elements::{Edge, MatchPoint};
 
 /// Twice the points of curves passed over, and one for a point that was filled in, as packed varints.
 const GAPS: u32 = 8;

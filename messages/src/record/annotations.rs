@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::wire::{Fill, varint_len};
 use crate::header::Size;
-use crate::payload::Curve;
+use crate::elements::Curve;
 
 /// Red, green, blue and opacity, 0 to 1.
 pub(super) type Colour = [f64; 4];

@@ -6,25 +6,29 @@ use thiserror::Error;
 use super::Codec;
 use super::along;
 use super::edges::{self, Columns};
+use super::plain::{self, OtherOwned};
 use super::refer::{
     entries_follow, entry_of, order, order_follows, rows, rows_follow, sorted_entries,
     tables_follow,
 };
-use super::row::{Column, Row};
 use super::schema::{CLOUD_HEIGHT, CLOUD_WIDTH};
 use super::walks::{Heads, Walker, are_plain, write_heads};
 use super::whole::Whole;
 use super::wire::{Fields, Fill, Value, varint_len};
 use crate::header::{Header, NONE, Size};
+use crate::elements::{Curve, Edge, Entry};
+use crate::list::List;
+use crate::message::{Message, Owned};
 use crate::payload::{
-    AnyView, Curve, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edge, Edges,
-    EdgesRoom, EdgesView, Entry, Evaluation, EvaluationRoom, Growing, GrowingRoom, Image,
-    ImageRoom, ImageView, List, Map, MapRoom, Matches, MatchesRoom, MatchesView, Message, Owned,
-    Points, PointsRoom, Raw, RawRoom, Tables, TablesRoom, TablesView, Truth, TruthRoom,
+    AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, Edges, EdgesRoom, EdgesView,
+    Evaluation, Growing, GrowingRoom, Image, ImageRoom, ImageView, Kind, Map, MapRoom, Matches,
+    MatchesRoom, MatchesView, Points, PointsRoom, Raw, RawRoom, Tables, TablesRoom, TablesView,
+    Truth, TruthRoom,
 };
 use crate::profile::Steady;
 use crate::rig::Rail;
-use crate::topic::{Kind, Topic};
+use crate::row::{Column, Row};
+use crate::topic::Topic;
 
 #[cfg(target_endian = "big")]
 compile_error!("recordings hold memory as it is, which must be little endian");
@@ -103,10 +107,9 @@ impl Codec {
             AnyView::Map(map) => cloud(&head, map.points, out),
             AnyView::Growing(growing) => cloud(&head, growing.points, out),
             AnyView::Truth(truth) => raw_image(&head, "32FC1", truth.disparity, out),
-            AnyView::Evaluation(evaluation) => {
+            AnyView::Evaluation(_) | AnyView::Other(_) => {
                 own_head(&head, out);
-                messages(5, evaluation.scores, out);
-                messages(6, evaluation.curve, out);
+                plain::write(topic.kind.definition(), view.memory(), out);
             }
         }
     }
@@ -172,16 +175,37 @@ impl Codec {
             return Err(DecodeError::Layout("kind"));
         }
         let size = M::read(bytes, self.rig.size, beside, room)?;
+        Ok(self.header_of(topic, sequence, nanos, size))
+    }
+
+    /// Reads a message of others back, with its header, as [`decode`](Self::decode) does.
+    ///
+    /// # Errors
+    /// When the bytes are not what [`encode`](Self::encode) makes of a message of this topic and rig.
+    pub fn decode_other(
+        &self,
+        topic: &Topic,
+        sequence: u64,
+        nanos: u64,
+        bytes: &[u8],
+    ) -> Result<(Header, OtherOwned), DecodeError> {
+        let (message, size) = OtherOwned::read(topic.kind.definition(), bytes, self.rig.size)?;
+        let lens = message.view().lens();
+        let header = self.header_of(topic, sequence, nanos, size);
+        Ok((Header { lens, ..header }, message))
+    }
+
+    fn header_of(&self, topic: &Topic, sequence: u64, nanos: u64, size: Size) -> Header {
         let position_m = match topic.view {
             NONE => 0.0,
             view => self.rig.position_m(view as usize, size),
         };
-        Ok(Header {
+        Header {
             position_m,
             view: topic.view,
             channel: topic.channel,
             ..Header::new(sequence, nanos, size)
-        })
+        }
     }
 }
 
@@ -208,7 +232,8 @@ pub enum Said<'a> {
 /// Gives another kind's message.
 type Others<'o, 'a> = &'o dyn Fn(Kind) -> Option<Said<'a>>;
 
-/// A kind of message that can be read back from a recording.
+/// A kind of message that can be read back from a recording: as it is [encoded plainly](super::plain), unless it says
+/// otherwise.
 pub trait Recorded: Message {
     /// Reads a payload into the room, and gives the image size it belongs to, which is at most `most`.
     ///
@@ -217,12 +242,16 @@ pub trait Recorded: Message {
     fn read<'a>(
         bytes: &'a [u8],
         most: Size,
-        beside: Others<'_, 'a>,
+        _beside: Others<'_, 'a>,
         room: &mut Self::Room<'_>,
-    ) -> Result<Size, DecodeError>;
+    ) -> Result<Size, DecodeError> {
+        plain::read_into::<Self>(bytes, most, room)
+    }
 
     /// Whether its indices stay inside it.
-    fn is_sound(view: Self::View<'_>) -> bool;
+    fn is_sound(_view: Self::View<'_>) -> bool {
+        true
+    }
 }
 
 // ---- images ----
@@ -303,10 +332,6 @@ impl Recorded for Image {
     ) -> Result<Size, DecodeError> {
         read_raw_image(bytes, most, "mono8", &mut room.pixels)
     }
-
-    fn is_sound(_: Self::View<'_>) -> bool {
-        true
-    }
 }
 
 impl Recorded for Raw {
@@ -317,10 +342,6 @@ impl Recorded for Raw {
         room: &mut RawRoom<'_>,
     ) -> Result<Size, DecodeError> {
         read_raw_image(bytes, most, "mono8", &mut room.pixels)
-    }
-
-    fn is_sound(_: Self::View<'_>) -> bool {
-        true
     }
 }
 
@@ -333,10 +354,6 @@ impl Recorded for Truth {
     ) -> Result<Size, DecodeError> {
         read_raw_image(bytes, most, "32FC1", &mut room.disparity)
     }
-
-    fn is_sound(_: Self::View<'_>) -> bool {
-        true
-    }
 }
 
 impl Recorded for Disparity {
@@ -347,10 +364,6 @@ impl Recorded for Disparity {
         room: &mut DisparityRoom<'_>,
     ) -> Result<Size, DecodeError> {
         read_raw_image(bytes, most, "32FC1", &mut room.disparity)
-    }
-
-    fn is_sound(_: Self::View<'_>) -> bool {
-        true
     }
 }
 
@@ -408,10 +421,6 @@ impl Recorded for Edges {
         let slots = room.edges.grow(recorded.len());
         recorded.read(beside, slots)?;
         Ok(recorded.size)
-    }
-
-    fn is_sound(_: Self::View<'_>) -> bool {
-        true
     }
 }
 
@@ -509,10 +518,6 @@ macro_rules! clouds {
                 room: &mut $room<'_>,
             ) -> Result<Size, DecodeError> {
                 read_cloud(bytes, most, &mut room.points)
-            }
-
-            fn is_sound(_: Self::View<'_>) -> bool {
-                true
             }
         }
     )+};
@@ -933,27 +938,9 @@ impl Recorded for Matches {
     }
 }
 
-impl Recorded for Evaluation {
-    fn read<'a>(
-        bytes: &'a [u8],
-        most: Size,
-        _: Others<'_, 'a>,
-        room: &mut EvaluationRoom<'_>,
-    ) -> Result<Size, DecodeError> {
-        room.clear();
-        read_own(bytes, most, |number, value| match number {
-            5 => read_message(value.bytes()?, &mut room.scores),
-            6 => read_message(value.bytes()?, &mut room.curve),
-            _ => Ok(()),
-        })
-    }
+impl Recorded for Evaluation {}
 
-    fn is_sound(_: Self::View<'_>) -> bool {
-        true
-    }
-}
-
-fn read_own<'a>(
+pub(super) fn read_own<'a>(
     bytes: &'a [u8],
     most: Size,
     mut section: impl FnMut(u32, Value<'a>) -> Result<(), DecodeError>,
@@ -980,23 +967,7 @@ fn check_size(size: Size, most: Size) -> Result<(), DecodeError> {
 // ---- rows as messages: word n is field n + 1 ----
 
 fn messages<T: Row>(field: u32, rows: &[T], out: &mut Vec<u8>) {
-    const WORD: usize = 1 + size_of::<u32>();
-    // All are of one length: the frame is made once, and filled in for every row.
-    let mut frame = Vec::new();
-    let words = size_of::<T>() / size_of::<u32>();
-    Fill(&mut frame).open(field, words * WORD);
-    let start = frame.len();
-    for number in 1..=words as u32 {
-        Fill(&mut frame).fixed32(number, 0);
-    }
-    out.reserve(rows.len() * frame.len());
-    for row in rows {
-        let words: &[[u8; 4]] = bytemuck::cast_slice(std::slice::from_ref(row));
-        for (slot, word) in frame[start..].chunks_exact_mut(WORD).zip(words) {
-            slot[1..].copy_from_slice(word);
-        }
-        out.extend_from_slice(&frame);
-    }
+    plain::write_rows(field, size_of::<T>(), bytemuck::cast_slice(rows), out);
 }
 
 fn read_message<T: Row>(bytes: &[u8], rows: &mut List<'_, T>) -> Result<(), DecodeError> {
@@ -1006,13 +977,7 @@ fn read_message<T: Row>(bytes: &[u8], rows: &mut List<'_, T>) -> Result<(), Deco
 
 fn row_of_message<T: Row>(bytes: &[u8]) -> Result<T, DecodeError> {
     let mut row = T::zeroed();
-    let words: &mut [[u8; 4]] = bytemuck::cast_slice_mut(std::slice::from_mut(&mut row));
-    for field in Fields::new(bytes) {
-        let (number, value) = field?;
-        if let Some(word) = words.get_mut(number as usize - 1) {
-            *word = value.fixed32()?.to_le_bytes();
-        }
-    }
+    plain::read_row(bytes, bytemuck::bytes_of_mut(&mut row))?;
     Ok(row)
 }
 

@@ -208,7 +208,7 @@ mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
     use crate::record::Schema;
-    use crate::topic::Kind;
+    use crate::payload::Kind;
     use prost::Message as _;
     use prost_types::FileDescriptorSet;
 

@@ -10,7 +10,7 @@ use multiversion::multiversion;
 use super::DecodeError;
 use super::wire::{Fill, Varints};
 use crate::header::Size;
-use crate::payload::{Edge, whole};
+use crate::elements::{Edge, whole};
 use crate::profile::Steady;
 
 /// Pixels of each row that have an edge, as packed varints.

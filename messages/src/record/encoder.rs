@@ -12,7 +12,8 @@ use crate::health::Health;
 use crate::ledger::Ledger;
 use crate::payload::{AnyView, MapView};
 use crate::synchronisation::Synchronisation;
-use crate::topic::{Kind, Topic};
+use crate::payload::Kind;
+use crate::topic::Topic;
 
 /// Takes the encoded messages of one scan after the other.
 pub trait Sink {

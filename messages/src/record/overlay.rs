@@ -5,7 +5,8 @@ use super::views::straighten;
 use super::{Codec, Span, Views, pictures};
 use crate::Reason;
 use crate::header::{Header, NONE};
-use crate::payload::{Curve, CurvesView, Match, MatchesView};
+use crate::elements::{Curve, Match};
+use crate::payload::{CurvesView, MatchesView};
 
 /// Curves whose partners were not found.
 const UNMATCHED: Colour = [0.55, 0.6, 0.65, 0.7];

@@ -8,8 +8,9 @@ use super::views::paint;
 use super::wire::Fill;
 use super::{Codec, Colours, Span, Views};
 use crate::header::{Header, Size};
-use crate::payload::{Point, PointsView};
-use crate::topic::Kind;
+use crate::elements::Point;
+use crate::payload::PointsView;
+use crate::payload::Kind;
 
 /// What a picture shows in colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

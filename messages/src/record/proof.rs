@@ -113,7 +113,7 @@ impl Digests {
         scan: u64,
     ) -> BTreeMap<String, Digest> {
         let held = || changes.iter().filter(|change| change.from <= scan);
-        let stages = Stage::ALL.into_iter().skip(1).map(Stage::name);
+        let stages = Stage::computing().into_iter().map(Stage::name);
         let of_table = |name: &str| {
             let mut table = configuration.get(name)?.clone();
             Change::apply(held(), name, &mut table);

@@ -3,8 +3,8 @@
 
 use super::DecodeError;
 use crate::header::Size;
-use crate::payload::{Curve, CurvesView, Edge, Entry, Table, TablesRoom, TablesView};
-use crate::topic::Kind;
+use crate::elements::{Curve, Edge, Entry, Table};
+use crate::payload::{CurvesView, Kind, TablesRoom, TablesView};
 
 /// The kinds of message that one of this kind may refer to.
 pub(super) const fn referred(kind: Kind) -> &'static [Kind] {

@@ -9,10 +9,12 @@ use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 use serde_json::json;
 
-use super::comments;
-use super::row::{Number, Row};
-use crate::payload::{Curve, Match, Rejected, Score, Share, Table};
-use crate::topic::Kind;
+use super::{comments, plain};
+use crate::elements::{Curve, Match, Rejected, Table};
+use crate::message::{Definition, Message as _};
+use crate::payload::{Evaluation, Kind};
+use crate::row::{Row as _, RowType};
+use crate::topic::Stage;
 
 /// What a file says about a kind of message.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -45,6 +47,7 @@ impl Schema {
             Kind::Tables => Self::own("Tables"),
             Kind::Matches => Self::own("Matches"),
             Kind::Evaluation => Self::own("Evaluation"),
+            Kind::Other(other) => Self::of_others(other.definition()),
         }
     }
 
@@ -108,7 +111,8 @@ impl Schema {
                 "disparity": many(number()), "points": many(count()),
             } }),
         );
-        let stages = crate::Stage::ALL.map(|stage| (stage.name().to_owned(), number()));
+        let stages = Stage::own().into_iter();
+        let stages = stages.map(|stage| (stage.name().to_owned(), number()));
         properties.insert(
             "milliseconds".to_owned(),
             json!({ "type": "object", "properties": serde_json::Map::from_iter(stages) }),
@@ -230,17 +234,6 @@ impl Schema {
         let shared = |wanted: &&str| foxglove.iter().find(|file| file.name() == *wanted).cloned();
         let mut files: Vec<_> = SHARED.iter().filter_map(shared).collect();
 
-        let head = || {
-            vec![
-                of_type(
-                    field("timestamp", 1, Type::Message),
-                    ".google.protobuf.Timestamp",
-                ),
-                field("frame_id", 2, Type::String),
-                field("image_width", 3, Type::Fixed32),
-                field("image_height", 4, Type::Fixed32),
-            ]
-        };
         let packed = |name, number| of_type(field(name, number, Type::Message), ".tricurve.Packed");
         let many = |name, number, of: &str| {
             repeated(of_type(
@@ -249,7 +242,7 @@ impl Schema {
             ))
         };
         let with_head = |name, sections: &[FieldDescriptorProto]| {
-            message(name, [head(), sections.to_vec()].concat())
+            message(name, [plain::head(), sections.to_vec()].concat())
         };
         let mut own = FileDescriptorProto {
             name: Some("tricurve.proto".to_owned()),
@@ -280,7 +273,7 @@ impl Schema {
                         packed("edges", 11),
                     ],
                 ),
-                row::<Curve>(),
+                plain::row(&RowType::of::<Curve>()),
                 with_head(
                     "Curves",
                     &[
@@ -297,7 +290,7 @@ impl Schema {
                         field("steps", 15, Type::Bytes),
                     ],
                 ),
-                row::<Table>(),
+                plain::row(&RowType::of::<Table>()),
                 with_head(
                     "Tables",
                     &[
@@ -311,8 +304,8 @@ impl Schema {
                         field("rows_follow", 12, Type::Bool),
                     ],
                 ),
-                row::<Match>(),
-                row::<Rejected>(),
+                plain::row(&RowType::of::<Match>()),
+                plain::row(&RowType::of::<Rejected>()),
                 with_head(
                     "Matches",
                     &[
@@ -344,21 +337,24 @@ impl Schema {
                         many("settings", 4, "Digest"),
                     ],
                 ),
-                row::<Score>(),
-                row::<Share>(),
-                with_head(
-                    "Evaluation",
-                    &[
-                        many("scores", 5, Score::NAME),
-                        many("curve", 6, Share::NAME),
-                    ],
-                ),
             ],
             ..FileDescriptorProto::default()
         };
+        let evaluation = plain::descriptors(Evaluation::DEFINITION, "tricurve");
+        own.message_type.extend(evaluation);
         own.source_code_info = Some(comments::of(&own));
         files.push(own);
         Self::protobuf(format!("tricurve.{name}"), files)
+    }
+
+    /// The schema of a message of others, which its definition gives.
+    fn of_others(definition: &Definition) -> Self {
+        const SHARED: &str = "google/protobuf/timestamp.proto";
+        let mut files = Self::foxglove_files::<PointCloud>();
+        files.retain(|file| file.name() == SHARED);
+        files.push(plain::file(definition, vec![SHARED.to_owned()]));
+        let name = format!("{}.{}", plain::package(definition), definition.schema);
+        Self::protobuf(name, files)
     }
 }
 
@@ -366,7 +362,7 @@ impl Schema {
 pub(super) const CLOUD_WIDTH: u32 = 1000;
 pub(super) const CLOUD_HEIGHT: u32 = 1001;
 
-fn field(name: &str, number: i32, kind: Type) -> FieldDescriptorProto {
+pub(super) fn field(name: &str, number: i32, kind: Type) -> FieldDescriptorProto {
     FieldDescriptorProto {
         name: Some(name.to_owned()),
         number: Some(number),
@@ -376,41 +372,26 @@ fn field(name: &str, number: i32, kind: Type) -> FieldDescriptorProto {
     }
 }
 
-fn of_type(field: FieldDescriptorProto, name: &str) -> FieldDescriptorProto {
+pub(super) fn of_type(field: FieldDescriptorProto, name: &str) -> FieldDescriptorProto {
     FieldDescriptorProto {
         type_name: Some(name.to_owned()),
         ..field
     }
 }
 
-fn repeated(field: FieldDescriptorProto) -> FieldDescriptorProto {
+pub(super) fn repeated(field: FieldDescriptorProto) -> FieldDescriptorProto {
     FieldDescriptorProto {
         label: Some(Label::Repeated.into()),
         ..field
     }
 }
 
-fn message(name: &str, field: Vec<FieldDescriptorProto>) -> DescriptorProto {
+pub(super) fn message(name: &str, field: Vec<FieldDescriptorProto>) -> DescriptorProto {
     DescriptorProto {
         name: Some(name.to_owned()),
         field,
         ..DescriptorProto::default()
     }
-}
-
-/// The message a plain type is, word by word.
-fn row<T: Row>() -> DescriptorProto {
-    let kind = |number| match number {
-        Number::Float32 => Type::Float,
-        Number::Uint32 | Number::Uint8 => Type::Fixed32,
-    };
-    let columns = T::COLUMNS.iter().zip(1..);
-    message(
-        T::NAME,
-        columns
-            .map(|(c, number)| field(c.name, number, kind(c.number)))
-            .collect(),
-    )
 }
 
 #[cfg(test)]
@@ -427,10 +408,7 @@ mod tests {
             Schema::log(),
             Schema::digests(),
         ];
-        Kind::ALL
-            .map(Schema::of)
-            .into_iter()
-            .chain(others)
+        Kind::all().map(Schema::of).chain(others)
             .collect()
     }
 

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::contrast::Contrast;
 use crate::header::Header;
-use crate::payload::{AnyView, Edge, Point};
+use crate::elements::{Edge, Point};
+use crate::payload::AnyView;
 
 use super::Span;
 
@@ -148,6 +149,8 @@ impl Statistics {
                 spent.map += milliseconds;
                 self.growing = Some(growing.points.len() as u64);
             }
+            // Only our own stages have a part in these numbers.
+            AnyView::Other(_) => {}
             AnyView::Evaluation(_) => spent.evaluate += milliseconds,
             AnyView::Edges(edges) => {
                 spent.filter += milliseconds;

@@ -1,7 +1,7 @@
 //! Views for people, derived from the data: colours, and what it takes to draw curves.
 
 use super::annotations::Labels;
-use crate::payload::Edge;
+use crate::elements::Edge;
 
 /// Colours of disparities: blue is far, red near. They are Turbo's (A. Mikhailov, "Turbo, an improved rainbow colormap for
 /// visualization", 2019), which viewers of point clouds have, so that one disparity has one colour in every picture.

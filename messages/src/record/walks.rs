@@ -8,7 +8,7 @@
 use super::DecodeError;
 use super::wire::{Fill, Varints};
 use crate::header::{NONE, Size};
-use crate::payload::{Curve, Edge};
+use crate::elements::{Curve, Edge};
 
 /// Points of each curve, as packed varints.
 const COUNTS: u32 = 8;

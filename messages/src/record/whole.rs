@@ -1,9 +1,9 @@
 //! The whole map so far, thinned: what a viewer shows of a rail wherever it seeks to.
 
-use bytemuck::{Pod, Zeroable};
-
 use crate::mixed;
-use crate::payload::{MapPoint, MapView};
+use crate::elements::MapPoint;
+use crate::payload::MapView;
+use crate::row;
 
 /// The topic that says it.
 pub const WHOLE: &str = "map/whole";
@@ -14,20 +14,20 @@ const EVERY: u64 = 8;
 /// Points that it has at most.
 const MOST: usize = 50_000;
 
-/// A point of the map, as far as pictures need it.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(super) struct Spot {
-    /// Metres to the right of where the rail begins.
-    pub(super) x: f32,
-    /// Metres down.
-    pub(super) y: f32,
-    /// Metres forward.
-    pub(super) z: f32,
-    /// Standard deviation of its distance, in metres.
-    pub(super) sigma: f32,
-    /// Disparity of a baseline, in pixels.
-    pub(super) disparity: f32,
+row! { "bytemuck";
+    /// A point of the map, as far as pictures need it.
+    pub(super) struct Spot {
+        /// Metres to the right of where the rail begins.
+        pub(super) x: f32,
+        /// Metres down.
+        pub(super) y: f32,
+        /// Metres forward.
+        pub(super) z: f32,
+        /// Standard deviation of its distance, in metres.
+        pub(super) sigma: f32,
+        /// Disparity of a baseline, in pixels.
+        pub(super) disparity: f32,
+    }
 }
 
 /// The map so far.

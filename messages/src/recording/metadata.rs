@@ -80,7 +80,7 @@ impl Metadata {
 
     /// The settings of the stages that compute, in their order.
     pub fn computing(&self) -> Vec<(&'static str, Option<&serde_json::Value>)> {
-        let stages = Stage::ALL.into_iter().skip(1).map(Stage::name);
+        let stages = Stage::computing().into_iter().map(Stage::name);
         stages
             .map(|stage| (stage, self.configuration.get(stage)))
             .collect()

@@ -7,10 +7,11 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::ledger::Ledger;
-use crate::record::{Codec, DIGESTS, DecodeError, Digest, Digests, Recorded, Said, TRANSFORMS};
+use crate::record::{
+    Codec, DIGESTS, DecodeError, Digest, Digests, OtherOwned, Recorded, Said, TRANSFORMS,
+};
 use crate::{
-    AnyView, Curves, CurvesView, Disparity, Edges, Evaluation, Growing, Header, Image, Kind, Map,
-    Matches, Owned, Points, Raw, Tables, Topic, Truth,
+    AnyView, CurvesView, Header, Kind, Owned, Topic,
 };
 use mcap::{Attachment, McapError};
 use thiserror::Error;
@@ -264,6 +265,22 @@ impl Scan {
         Ok(message)
     }
 
+    /// The message of a topic of others.
+    ///
+    /// # Errors
+    /// When there is none, or it is damaged.
+    pub fn decode_other(
+        &self,
+        codec: &Codec,
+        topic: &Topic,
+    ) -> Result<(Header, OtherOwned), ReadError> {
+        let bytes = self.needed(topic)?;
+        let (header, message) = codec
+            .decode_other(topic, self.sequence, self.nanos, bytes)
+            .map_err(|source| self.damaged(topic, source))?;
+        Ok((self.placed(codec, header)?, message))
+    }
+
     /// Shows the message of a data topic of whatever kind.
     ///
     /// # Errors
@@ -275,16 +292,15 @@ impl Scan {
         look: impl FnOnce(&Header, AnyView<'_>) -> R,
     ) -> Result<R, ReadError> {
         macro_rules! shown {
-            ($($kind:ident)+) => {
-                match topic.kind {
-                    $(Kind::$kind => {
-                        let message = self.decode::<$kind>(codec, topic)?;
-                        Ok(look(&message.header, message.view().into()))
-                    })+
-                }
-            };
+            ($kind:ident) => {{
+                let message = self.decode::<crate::$kind>(codec, topic)?;
+                Ok(look(&message.header, message.view().into()))
+            }};
         }
-        shown!(Image Raw Truth Edges Curves Tables Matches Disparity Points Map Growing Evaluation)
+        of_kind!(topic.kind, shown, _ => {
+            let (header, message) = self.decode_other(codec, topic)?;
+            Ok(look(&header, AnyView::Other(message.view())))
+        })
     }
 
     /// Its digests, where it is one of a proof.

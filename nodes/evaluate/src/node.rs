@@ -10,7 +10,7 @@ use crate::{Evaluator, Known, Settings};
 /// # Errors
 /// When the bus fails or a message is damaged.
 pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusError> {
-    let mut scans = bus.joins(Stage::Evaluate.takes())?;
+    let mut scans = bus.joins(&Stage::EVALUATE.takes())?;
     let results = bus.outputs(&[Kind::Evaluation])?;
     let done = bus.finisher()?;
     let channels = bus.run().rig.channels.len() as u32;

@@ -14,7 +14,7 @@
 //! Every pixel of a row is marked with the cut it lists, all of them alike and without a branch; then the cuts are
 //! gathered, then measured together: what a branch costs that nobody can foresee was three quarters of the time.
 
-use messages::payload::nearest;
+use messages::elements::nearest;
 use messages::profile::Profiles;
 use messages::{Edge, List};
 use multiversion::multiversion;

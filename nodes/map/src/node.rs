@@ -10,7 +10,7 @@ use crate::{Fusion, Place, Settings};
 /// # Errors
 /// When the bus fails or a message is damaged.
 pub fn run(bus: &mut Bus, settings: Settings, _start: &Start) -> Result<(), BusError> {
-    let mut frames = bus.joins(Stage::Map.takes())?;
+    let mut frames = bus.joins(&Stage::MAP.takes())?;
     let results = bus.outputs(&[Kind::Map, Kind::Growing])?;
     let done = bus.finisher()?;
     let rig = bus.run().rig.clone();

@@ -144,7 +144,7 @@ pub fn taken_kinds(settings: &Settings) -> Vec<Kind> {
         let is_proven = settings.keep == Keep::Proof && !settings.without.contains(kind);
         is_proven || settings.holds(*kind)
     };
-    let mut kinds = Kind::ALL.to_vec();
+    let mut kinds = Kind::all().collect::<Vec<_>>();
     kinds.retain(|kind| is_said(kind) || is_shown(kind));
     kinds
 }

@@ -303,7 +303,7 @@ fn differing_stage(one: &Recording, other: &Recording) -> Option<&'static str> {
         };
         matches!((version(&one), version(&other)), (Some(one), Some(other)) if one != other)
     };
-    let differ = Stage::ALL.iter().any(stage_differs) || (are_proofs && one != other);
+    let differ = Stage::all().iter().any(stage_differs) || (are_proofs && one != other);
     pair.into_iter()
         .find_map(differs)
         .or(differ.then_some(VERSIONS))
@@ -312,7 +312,7 @@ fn differing_stage(one: &Recording, other: &Recording) -> Option<&'static str> {
 /// A schema of ours as this build describes it, which is all that builds before described, and more: what is written anew
 /// may need it.
 fn described(schema: &FileSchema) -> FileSchema {
-    let now = Kind::ALL.map(Schema::of).into_iter();
+    let now = Kind::all().map(Schema::of);
     let mut same = now.filter(|now| now.name == schema.name && now.encoding == schema.encoding);
     match same.next().filter(|now| now.name.starts_with("tricurve.")) {
         Some(now) => FileSchema {

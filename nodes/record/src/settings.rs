@@ -71,8 +71,8 @@ impl Keep {
         let is_small = matches!(kind, Kind::Disparity | Kind::Map | Kind::Evaluation);
         match self {
             Self::All => true,
-            Self::Results => kind.stage() >= Stage::Match,
-            Self::Proof => kind.stage() == Stage::Capture || is_small,
+            Self::Results => kind.stage().follows(Stage::MATCH) || matches!(kind, Kind::Other(_)),
+            Self::Proof => kind.stage() == Stage::CAPTURE || is_small,
         }
     }
 }
@@ -144,7 +144,7 @@ impl Settings {
                  record.keep = results"
                     .to_owned(),
             ),
-            Keep::Results if !Kind::ALL.iter().any(|kind| is_made(kind) && self.holds(*kind)) => Some(
+            Keep::Results if !Kind::all().any(|kind| is_made(&kind) && self.holds(kind)) => Some(
                 "record.keep = results keeps matches, disparities, points, map and evaluation, and there are none of them: \
                  set record.keep = all"
                     .to_owned(),

@@ -9,10 +9,7 @@ use messages::bus::{
 use messages::door::UnderWay;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Recording, Scan};
-use messages::{
-    Curves, CurvesView, Disparity, Edges, Evaluation, Growing, Header, Image, Kind, Map, Matches,
-    Points, Raw, Tables, Topic, Truth,
-};
+use messages::{Curves, CurvesView, Header, Kind, Tables, Topic};
 
 use crate::clock::jumps;
 use crate::{Clock, Selection, SelectionError, Settings};
@@ -195,26 +192,36 @@ impl Replay {
             topics.iter().find(is_it)
         };
         for topic in topics {
+            macro_rules! published {
+                ($kind:ident) => {
+                    self.publish::<messages::$kind>(topic, under_way, scan)?
+                };
+            }
             match topic.kind {
-                Kind::Image => self.publish::<Image>(topic, under_way, scan)?,
-                Kind::Raw => self.publish::<Raw>(topic, under_way, scan)?,
-                Kind::Edges => self.publish::<Edges>(topic, under_way, scan)?,
                 Kind::Curves => {
                     let tables = of(Kind::Tables, topic);
                     self.publish_curves(topic, tables, under_way, scan)?;
                 }
+                // They go out with their curves.
                 Kind::Tables if of(Kind::Curves, topic).is_some() => {}
-                Kind::Tables => self.publish::<Tables>(topic, under_way, scan)?,
-                Kind::Matches => self.publish::<Matches>(topic, under_way, scan)?,
-                Kind::Disparity => self.publish::<Disparity>(topic, under_way, scan)?,
-                Kind::Points => self.publish::<Points>(topic, under_way, scan)?,
-                Kind::Map => self.publish::<Map>(topic, under_way, scan)?,
-                Kind::Growing => self.publish::<Growing>(topic, under_way, scan)?,
-                Kind::Truth => self.publish::<Truth>(topic, under_way, scan)?,
-                Kind::Evaluation => self.publish::<Evaluation>(topic, under_way, scan)?,
+                kind => messages::of_kind!(kind, published, _ => {
+                    self.publish_other(topic, under_way, scan)?;
+                }),
             }
         }
         Ok(())
+    }
+
+    /// Publishes a recorded message of others.
+    fn publish_other(
+        &self,
+        topic: &Topic,
+        under_way: UnderWay,
+        scan: &Scan,
+    ) -> Result<(), ReplayError> {
+        let (header, message) = scan.decode_other(&self.codec, topic)?;
+        let header = self.as_played(header, under_way);
+        Ok(self.outputs.send_other(&header, message.view())?)
     }
 
     /// Publishes a recorded message, written into shared memory as it is read.
@@ -265,14 +272,18 @@ impl Replay {
         if !loan.view(&filled).is_some_and(M::is_sound) {
             return Err(scan.unsound(topic).into());
         }
+        Ok((self.as_played(header, under_way), filled))
+    }
+
+    /// A recorded message's header as that of a scan under way.
+    fn as_played(&self, header: Header, under_way: UnderWay) -> Header {
         let (_, nanos) = self.selection.scan(under_way.tick);
-        let header = Header {
+        Header {
             sequence: under_way.sequence,
             capture_nanos: nanos,
             done_below: self.gate.door().needed_from(),
             ..header
-        };
-        Ok((header, filled))
+        }
     }
 
     /// Sends the scans under way once more, the oldest first.

@@ -62,8 +62,11 @@ pub enum SelectionError {
 
 /// The kinds of message that are replayed when this stage is the first that computes anew. Images are never computed.
 pub fn replayed_kinds(from: Stage) -> Vec<Kind> {
-    let is_before = |kind: &Kind| kind.stage() == Stage::Capture || kind.stage() < from;
-    Kind::ALL.into_iter().filter(is_before).collect()
+    let is_played = |kind: &Kind| {
+        let stage = kind.stage();
+        stage == Stage::CAPTURE || !stage.follows(from)
+    };
+    Kind::all().filter(is_played).collect()
 }
 
 /// The kinds of message that these stages, after this cut, need of what is replayed.
@@ -109,24 +112,26 @@ fn check_needed(
     // What was recorded without a stage's settings cannot be computed by it.
     let configuration = &recording.metadata().configuration;
     let is_known =
-        |stage: &Stage| *stage == Stage::Capture || configuration.get(stage.name()).is_some();
+        |stage: &Stage| *stage == Stage::CAPTURE || configuration.get(stage.name()).is_some();
     let mut lacking = missing(needed);
     let unknown = stages.iter().filter(|stage| !is_known(stage));
     lacking.extend(unknown.map(|stage| format!("the settings of {}", stage.name())));
     if lacking.is_empty() {
         return Ok(());
     }
+    // What computes up to the points; map and evaluation need more than a recording is sure to hold.
     let after = |from: Stage| {
-        let stages = Stage::ALL.into_iter().filter(move |stage| *stage >= from);
-        stages.filter(|stage| *stage <= Stage::Match)
+        let mut stages = Stage::own();
+        stages.retain(|stage| stage.follows(from) && Stage::MATCH.follows(*stage));
+        stages
     };
     let possible = |stage: &Stage| {
-        let stages: Vec<Stage> = after(*stage).collect();
+        let stages = after(*stage);
         !stages.is_empty()
             && stages.iter().all(is_known)
             && missing(&needed_kinds(*stage, &stages)).is_empty()
     };
-    let stages = Stage::ALL.into_iter().filter(possible).map(Stage::name);
+    let stages = Stage::all().into_iter().filter(possible).map(Stage::name);
     let stages = stages.collect::<Vec<_>>().join(", ");
     Err(SelectionError::Cut {
         from: from.name(),
@@ -173,7 +178,7 @@ impl Selection {
         let mut topics = topics_of(&kinds);
         topics.retain(|topic| channels.contains_key(&*topic.name));
         let is_needed = |kind: &Kind| kinds.contains(kind) && taken.contains(kind);
-        let needed: Vec<Kind> = Kind::ALL.into_iter().filter(is_needed).collect();
+        let needed: Vec<Kind> = Kind::all().filter(is_needed).collect();
         check_needed(recording, from, &needed, &[])?;
         let range = first..end.unwrap_or(u64::MAX);
         let all = recording

@@ -10,7 +10,7 @@ messages::settings! {
         /// The recording; its further parts are found by their names.
         pub file: String = String::new();
         /// The first stage that computes anew; what the stages before it made is replayed.
-        pub from: Stage = Stage::Capture;
+        pub from: Stage = Stage::CAPTURE;
         /// Kinds of message of the stages before that the recording does not hold: they are not replayed.
         pub without: Vec<Kind> = Vec::new();
         /// The recording's scan to begin with.

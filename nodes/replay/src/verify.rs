@@ -22,7 +22,7 @@ messages::settings! {
         /// The recording; its further parts are found by their names.
         pub file: String = String::new();
         /// The first stage that computes anew.
-        pub from: Stage = Stage::Capture;
+        pub from: Stage = Stage::CAPTURE;
         /// The recording's scan that is replayed first.
         pub first: u64 = 0;
         /// The recording's scan before which the replay ends.
@@ -68,14 +68,14 @@ pub fn depth(rig: &Rig, from: Stage, kind: Kind) -> u64 {
         return 0;
     };
     // Points that are played depend on nothing any more.
-    let reach = if from <= Stage::Match {
+    let reach = if Stage::MATCH.follows(from) {
         rail.reach()
     } else {
         0
     };
     match kind.stage() {
-        Stage::Map => reach + rail.follow,
-        Stage::Match | Stage::Evaluate => reach,
+        Stage::MAP => reach + rail.follow,
+        stage if stage.follows(Stage::MATCH) => reach,
         _ => 0,
     }
 }

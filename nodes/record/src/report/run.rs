@@ -186,8 +186,9 @@ fn computing(of: &Statistics) -> f64 {
 
 /// The order in which scans pass the nodes; those beside the pipe come last.
 pub(super) fn place_in_pipe(node: &str) -> usize {
-    let place = Stage::ALL.iter().position(|stage| stage.name() == node);
-    place.unwrap_or(Stage::ALL.len())
+    let stages = Stage::all();
+    let place = stages.iter().position(|stage| stage.name() == node);
+    place.unwrap_or(stages.len())
 }
 
 /// What every node received, published and dropped.

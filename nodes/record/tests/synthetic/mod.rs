@@ -384,6 +384,6 @@ pub(crate) fn batch(encoder: &mut Encoder, scan: &Scan) -> Batch {
 pub(crate) fn encoder(rig: &Rig, settings: &Settings) -> Encoder {
     // There is no truth to compare with.
     let is_made = |kind: &Kind| !matches!(kind, Kind::Raw | Kind::Truth | Kind::Evaluation);
-    let made: Vec<Kind> = Kind::ALL.into_iter().filter(is_made).collect();
+    let made: Vec<Kind> = Kind::all().filter(is_made).collect();
     record::encoder(rig, 0, &made, false, settings)
 }
