@@ -518,7 +518,12 @@ pub(crate) fn known_node(name: &str) -> Result<(), String> {
     if name == GRAPH || registry::find(name).is_some() {
         return Ok(());
     }
-    let known = || registry::nodes().iter().map(|node| node.name).chain([GRAPH]);
+    let known = || {
+        registry::nodes()
+            .iter()
+            .map(|node| node.name)
+            .chain([GRAPH])
+    };
     Err(match nearest(name, known()) {
         Some(near) => format!("there is no node {name}; do you mean {near}?"),
         None => format!(

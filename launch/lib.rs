@@ -144,8 +144,8 @@ mod snapshot;
 mod supervisor;
 
 #[cfg(feature = "program")]
-pub(crate) use program::{Failure, Outcome};
-#[cfg(feature = "program")]
 pub use program::whole_graph;
+#[cfg(feature = "program")]
+pub(crate) use program::{Failure, Outcome};
 #[cfg(feature = "program")]
 pub use registry::{App, NodeType};

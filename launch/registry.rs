@@ -294,12 +294,12 @@ impl App {
     /// Makes its nodes and their messages known to this process.
     fn register(self) -> Result<(), String> {
         let mut all = own();
-        let others = all.iter().position(|node| node.name == FIRST_TAKER);
-        let mut others = others.unwrap_or(all.len());
+        let mut others = Vec::new();
         let mut kinds = Vec::new();
         for node in self.nodes {
             let name = node.name;
-            let is_taken = name == GRAPH || all.iter().any(|known| known.name == name);
+            let known = all.iter().chain(&others).map(|known: &NodeType| known.name);
+            let is_taken = known.chain([GRAPH]).any(|known| known == name);
             let is_word = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
             if is_taken || name.is_empty() || !name.chars().all(is_word) {
                 return Err(format!(
@@ -315,9 +315,11 @@ impl App {
                 ));
             }
             kinds.extend(&node.messages);
-            all.insert(others, node);
-            others += 1;
+            others.push(node);
         }
+        let first_taker = all.iter().position(|node| node.name == FIRST_TAKER);
+        let place = first_taker.unwrap_or(all.len());
+        all.splice(place..place, others);
         messages::register(&kinds).map_err(|e| e.to_string())?;
         NODES
             .set(all)

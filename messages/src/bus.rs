@@ -45,9 +45,9 @@ use serde::{Deserialize, Serialize};
 use crate::change::Change;
 use crate::header::{Header, Sway};
 use crate::ledger::{Account, Ledger, Seen, Shard};
+use crate::payload::Kind;
 use crate::rig::{Delivery, Rig};
 use crate::synchronisation::Synchronisation;
-use crate::payload::Kind;
 use crate::topic::Topic;
 
 pub use ask::{

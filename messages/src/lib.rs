@@ -50,13 +50,13 @@ pub mod words;
 pub use calibration::Calibration;
 pub use contour::{Contour, ContourKind, ContourPoint};
 pub use contrast::Contrast;
-pub use header::{Header, NONE, Size, Sway};
-pub use mixed::mixed;
 pub use elements::{
     Curve, Edge, Entry, MapPoint, Match, MatchPoint, Point, Rejected, Score, Share, Table,
 };
+pub use header::{Header, NONE, Size, Sway};
 pub use list::List;
 pub use message::{Definition, Difference, Message, Owned, SECTIONS, Section, SectionType};
+pub use mixed::mixed;
 pub use other::{Other, OtherView, RegisterError, register};
 pub use payload::{
     AnyView, Curves, CurvesRoom, CurvesView, Disparity, DisparityRoom, DisparityView, Edges,

@@ -132,7 +132,8 @@ pub fn register(kinds: &[Kind]) -> Result<(), RegisterError> {
         let all = others.iter().map(|other| other.definition());
         let own = Kind::OWN.iter().map(|own| own.definition());
         let made = own.chain(all).filter(move |of| of.stage == stage);
-        made.flat_map(|of| of.from).map(|kind| kind.definition().stage)
+        made.flat_map(|of| of.from)
+            .map(|kind| kind.definition().stage)
     };
     // As often as there are stages, every stage is replaced by those it takes from: whoever is left goes in a circle.
     for start in &others {

@@ -10,8 +10,8 @@
 
 use multiversion::multiversion;
 
-use crate::header::Size;
 use crate::elements::Edge;
+use crate::header::Size;
 
 /// Columns of margin on either side: profiles reach 6 columns and one pixel to interpolate with.
 const MARGIN: usize = 8;

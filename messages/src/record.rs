@@ -46,8 +46,8 @@ pub use whole::WHOLE;
 pub const TRANSFORMS: &str = "tf";
 
 use crate::header::NONE;
-use crate::rig::{Rail, Rig};
 use crate::payload::Kind;
+use crate::rig::{Rail, Rig};
 use crate::topic::Topic;
 
 /// What a recording's channel carries.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::header::NONE;
 use crate::other::Other;
 use crate::payload::Kind;
-use crate::rig::{Rig, View};
+use crate::rig::Rig;
 
 /// A stage of the work on a scan, by the name of its node. What a stage comes after follows from what it takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -104,7 +104,10 @@ impl<'de> Deserialize<'de> for Stage {
 /// The error about a name that is none of those known.
 fn unknown<E: serde::de::Error>(name: &str, known: impl Iterator<Item = &'static str>) -> E {
     let known: Vec<String> = known.map(|name| format!("`{name}`")).collect();
-    E::custom(format!("unknown variant `{name}`, expected one of {}", known.join(", ")))
+    E::custom(format!(
+        "unknown variant `{name}`, expected one of {}",
+        known.join(", ")
+    ))
 }
 
 impl Kind {
@@ -170,22 +173,33 @@ pub struct Topic {
 
 impl Topic {
     fn new(rig: &Rig, kind: Kind, view: u32, channel: u32) -> Self {
-        let mut name = match (kind, rig.views.get(view as usize)) {
-            (Kind::Image | Kind::Raw, Some(View { name, .. })) => {
-                format!("camera/{name}/{}", kind.name())
-            }
-            (_, Some(View { name, .. })) => format!("{}/{name}", kind.name()),
-            (_, None) => kind.name().to_owned(),
-        };
-        if channel != NONE {
-            name = format!("{name}/{}", rig.channels[channel as usize]);
-        }
+        let view_name = rig.views.get(view as usize).map(|view| view.name.as_str());
+        let channel_name = rig.channels.get(channel as usize).map(f32::to_string);
         Self {
             kind,
             view,
             channel,
-            name,
+            name: Self::named(kind, view_name, channel_name.as_deref()),
         }
+    }
+
+    /// The name of the topic of a kind, of this view and channel where it has some.
+    fn named(kind: Kind, view: Option<&str>, channel: Option<&str>) -> String {
+        let name = match (kind, view) {
+            (Kind::Image | Kind::Raw, Some(view)) => format!("camera/{view}/{}", kind.name()),
+            (_, Some(view)) => format!("{}/{view}", kind.name()),
+            (_, None) => kind.name().to_owned(),
+        };
+        match channel {
+            Some(channel) => format!("{name}/{channel}"),
+            None => name,
+        }
+    }
+
+    /// The name of the topics of a kind, with VIEW and CHANNEL for those that they are of.
+    pub fn pattern(kind: Kind) -> String {
+        let view = kind.is_per_view().then_some("VIEW");
+        Self::named(kind, view, kind.is_per_channel().then_some("CHANNEL"))
     }
 
     /// Every data topic of a rig, in the order a scan makes them: by kind, then view, then channel.
@@ -251,9 +265,17 @@ mod tests {
             let text = serde_json::to_string(&kind).unwrap();
             assert_eq!(serde_json::from_str::<Kind>(&text).unwrap(), kind);
         }
-        assert_eq!(serde_json::to_string(&Kind::Growing).unwrap(), "\"growing\"");
+        assert_eq!(
+            serde_json::to_string(&Kind::Growing).unwrap(),
+            "\"growing\""
+        );
         let error = serde_json::from_str::<Stage>("\"trak\"").unwrap_err();
-        assert!(error.to_string().contains("expected one of `capture`, `filter`"), "{error}");
+        assert!(
+            error
+                .to_string()
+                .contains("expected one of `capture`, `filter`"),
+            "{error}"
+        );
     }
 
     #[test]

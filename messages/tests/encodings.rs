@@ -8,7 +8,7 @@ use foxglove::messages as fg;
 use messages::SECTIONS;
 use messages::profile::Steady;
 use messages::record::{
-    Beside, Codec, DecodeError, Level, Pictured, Recorded, Said, Seen, Shown, Span, Views,
+    Beside, Codec, DecodeError, Level, Pictured, Recorded, Said, Schema, Seen, Shown, Span, Views,
 };
 use messages::{
     AnyView, Calibration, Curve, Curves, CurvesRoom, Disparity, Edge, Edges, Entry, Evaluation,
@@ -1497,6 +1497,18 @@ fn channels_have_names_of_their_own_and_all_data_topics_are_there() {
     }
     assert!(none_of(views, "rejected") && !none_of(views, "annotations"));
     assert!(none_of(rejected, "annotations") && !none_of(rejected, "rejected"));
+}
+
+#[test]
+fn the_readme_lists_every_topic_with_its_schema() {
+    let readme = include_str!("../README.md");
+    for &kind in Kind::OWN {
+        let (pattern, schema) = (Topic::pattern(kind), Schema::of(kind).name);
+        let row = format!("| `{pattern}` |");
+        let line = readme.lines().find(|line| line.starts_with(&row));
+        let line = line.unwrap_or_else(|| panic!("README.md has no {row}"));
+        assert!(line.contains(&schema), "{schema} in {line}");
+    }
 }
 
 #[test]

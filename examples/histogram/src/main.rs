@@ -1,4 +1,4 @@
-//! tricurve with one node more: `cargo run -- run --graph graph.toml --record histogram.mcap`
+//! tricurve with one node more: `cargo run -- run graph.toml --record histogram.mcap`
 
 use std::process::ExitCode;
 

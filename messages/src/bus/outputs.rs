@@ -151,7 +151,8 @@ impl Outputs {
         let (mut sample, output) = self.loan_of(message.kind(), header.view, header.channel)?;
         let words = sample.payload_mut();
         let filled = Filled::of_other(message, self.room, words);
-        let filled = filled.ok_or_else(|| BusError::port("fit a message into words", header.lens))?;
+        let filled =
+            filled.ok_or_else(|| BusError::port("fit a message into words", header.lens))?;
         self.publish_sample(sample, output, header, filled)
     }
 

@@ -7,8 +7,8 @@ use std::fmt::{self, Write as _};
 use std::ops::Range;
 
 use super::wire::{Fill, varint_len};
-use crate::header::Size;
 use crate::elements::Curve;
+use crate::header::Size;
 
 /// Red, green, blue and opacity, 0 to 1.
 pub(super) type Colour = [f64; 4];

@@ -15,8 +15,8 @@ use super::schema::{CLOUD_HEIGHT, CLOUD_WIDTH};
 use super::walks::{Heads, Walker, are_plain, write_heads};
 use super::whole::Whole;
 use super::wire::{Fields, Fill, Value, varint_len};
-use crate::header::{Header, NONE, Size};
 use crate::elements::{Curve, Edge, Entry};
+use crate::header::{Header, NONE, Size};
 use crate::list::List;
 use crate::message::{Message, Owned};
 use crate::payload::{

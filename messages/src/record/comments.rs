@@ -207,8 +207,8 @@ pub(super) fn of(file: &FileDescriptorProto) -> SourceCodeInfo {
 mod tests {
     #![expect(clippy::unwrap_used, reason = "tests")]
     use super::*;
-    use crate::record::Schema;
     use crate::payload::Kind;
+    use crate::record::Schema;
     use prost::Message as _;
     use prost_types::FileDescriptorSet;
 

@@ -9,8 +9,8 @@ use multiversion::multiversion;
 
 use super::DecodeError;
 use super::wire::{Fill, Varints};
-use crate::header::Size;
 use crate::elements::{Edge, whole};
+use crate::header::Size;
 use crate::profile::Steady;
 
 /// Pixels of each row that have an edge, as packed varints.

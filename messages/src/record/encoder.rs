@@ -10,9 +10,9 @@ use super::{
 use crate::header::{Header, NONE, Size};
 use crate::health::Health;
 use crate::ledger::Ledger;
+use crate::payload::Kind;
 use crate::payload::{AnyView, MapView};
 use crate::synchronisation::Synchronisation;
-use crate::payload::Kind;
 use crate::topic::Topic;
 
 /// Takes the encoded messages of one scan after the other.

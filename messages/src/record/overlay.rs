@@ -4,8 +4,8 @@ use super::annotations::{Colour, Sheet, opaque};
 use super::views::straighten;
 use super::{Codec, Span, Views, pictures};
 use crate::Reason;
-use crate::header::{Header, NONE};
 use crate::elements::{Curve, Match};
+use crate::header::{Header, NONE};
 use crate::payload::{CurvesView, MatchesView};
 
 /// Curves whose partners were not found.

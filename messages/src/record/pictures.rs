@@ -7,10 +7,10 @@ use super::codec::raw_image_head;
 use super::views::paint;
 use super::wire::Fill;
 use super::{Codec, Colours, Span, Views};
-use crate::header::{Header, Size};
 use crate::elements::Point;
-use crate::payload::PointsView;
+use crate::header::{Header, Size};
 use crate::payload::Kind;
+use crate::payload::PointsView;
 
 /// What a picture shows in colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -2,8 +2,8 @@
 //! R-table's entries and a match's points are points of curves. Whoever writes a reference has made sure that it gives back every bit.
 
 use super::DecodeError;
-use crate::header::Size;
 use crate::elements::{Curve, Edge, Entry, Table};
+use crate::header::Size;
 use crate::payload::{CurvesView, Kind, TablesRoom, TablesView};
 
 /// The kinds of message that one of this kind may refer to.

@@ -408,8 +408,7 @@ mod tests {
             Schema::log(),
             Schema::digests(),
         ];
-        Kind::all().map(Schema::of).chain(others)
-            .collect()
+        Kind::all().map(Schema::of).chain(others).collect()
     }
 
     #[test]

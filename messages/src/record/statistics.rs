@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::contrast::Contrast;
-use crate::header::Header;
 use crate::elements::{Edge, Point};
+use crate::header::Header;
 use crate::payload::AnyView;
 
 use super::Span;

@@ -7,8 +7,8 @@
 
 use super::DecodeError;
 use super::wire::{Fill, Varints};
-use crate::header::{NONE, Size};
 use crate::elements::{Curve, Edge};
+use crate::header::{NONE, Size};
 
 /// Points of each curve, as packed varints.
 const COUNTS: u32 = 8;

@@ -1,7 +1,7 @@
 //! The whole map so far, thinned: what a viewer shows of a rail wherever it seeks to.
 
-use crate::mixed;
 use crate::elements::MapPoint;
+use crate::mixed;
 use crate::payload::MapView;
 use crate::row;
 

@@ -2,8 +2,11 @@
 
 use std::collections::BTreeMap;
 
-/// Topics that stand by their name alone.
-const SINGLE: [&str; 12] = [
+use crate::payload::Kind;
+use crate::record::Schema;
+
+/// Topics beside the data that stand by their name alone.
+const SINGLE: [&str; 7] = [
     "tf",
     "statistics",
     "digests",
@@ -11,36 +14,41 @@ const SINGLE: [&str; 12] = [
     "health",
     "synchronisation",
     "log",
-    "truth",
-    "disparity",
-    "points",
-    "map",
-    "evaluation",
 ];
 
-/// What a view's camera says.
-const OF_CAMERA: [&str; 6] = [
-    "image",
-    "image_raw",
-    "calibration",
-    "annotations",
-    "labels",
-    "rejected",
-];
+/// What a view's camera says beside its images.
+const OF_CAMERA: [&str; 4] = ["calibration", "annotations", "labels", "rejected"];
+
+/// The kind of data of which a topic of this name may be.
+fn kind(parts: &[&str]) -> Option<Kind> {
+    let is_variance = |part: &&str| part.parse::<f32>().is_ok_and(|variance| variance > 0.0);
+    let is_of = |kind: &Kind| {
+        if let Kind::Image | Kind::Raw = kind {
+            return matches!(parts, ["camera", _, what] if *what == kind.name());
+        }
+        let mut rest = parts.iter();
+        kind.name()
+            .split('/')
+            .all(|word| rest.next() == Some(&word))
+            && (!kind.is_per_view() || rest.next().is_some())
+            && (!kind.is_per_channel() || rest.next().is_some_and(is_variance))
+            && rest.next().is_none()
+    };
+    Kind::all().find(is_of)
+}
 
 /// How much a topic's name says that the topic is of a recording; `None` when it is not.
 fn weight(topic: &str) -> Option<usize> {
     let parts: Vec<&str> = topic.split('/').collect();
-    let is_variance = |part: &str| part.parse::<f32>().is_ok_and(|variance| variance > 0.0);
-    match parts.as_slice() {
-        // Nobody else calls a topic so.
-        ["edges" | "curves" | "tables", _, channel] if is_variance(channel) => Some(100),
-        ["matches", channel] if is_variance(channel) => Some(100),
-        ["camera", _, what] if OF_CAMERA.contains(what) => Some(1),
-        ["disparity", "picture" | "error" | "confidence"] => Some(1),
-        ["disparity", "picture" | "error" | "confidence", "legend"] => Some(1),
-        ["map", "growing" | "whole"] => Some(1),
-        [single] if SINGLE.contains(single) => Some(1),
+    match (parts.as_slice(), kind(&parts)) {
+        // Nobody else calls a topic by a filter's channel.
+        (_, Some(kind)) if kind.is_per_channel() => Some(100),
+        (_, Some(_)) => Some(1),
+        (["camera", _, what], _) if OF_CAMERA.contains(what) => Some(1),
+        (["disparity", "picture" | "error" | "confidence"], _) => Some(1),
+        (["disparity", "picture" | "error" | "confidence", "legend"], _) => Some(1),
+        (["map", "whole"], _) => Some(1),
+        ([single], _) if SINGLE.contains(single) => Some(1),
         _ => None,
     }
 }
@@ -56,19 +64,17 @@ pub(super) fn is_telling(topic: &str) -> bool {
 }
 
 /// What messages of a topic of this name are, where a file does not say it.
-pub(super) fn schema_of(topic: &str) -> &'static str {
-    match topic.split('/').collect::<Vec<_>>().as_slice() {
-        ["tf"] => "foxglove.FrameTransforms",
-        ["camera", _, "calibration"] => "foxglove.CameraCalibration",
-        ["camera", _, "image" | "image_raw"] | ["disparity" | "truth"] => "foxglove.RawImage",
-        ["points"] | ["map", ..] => "foxglove.PointCloud",
-        ["edges", ..] => "tricurve.Edges",
-        ["curves", ..] => "tricurve.Curves",
-        ["tables", ..] => "tricurve.Tables",
-        ["matches", ..] => "tricurve.Matches",
-        ["digests"] => "tricurve.Digests",
-        _ => "",
-    }
+pub(super) fn schema_of(topic: &str) -> String {
+    let parts: Vec<&str> = topic.split('/').collect();
+    let schema = match (parts.as_slice(), kind(&parts)) {
+        (_, Some(kind)) => Schema::of(kind),
+        (["tf"], _) => Schema::transforms(),
+        (["camera", _, "calibration"], _) => Schema::calibration(),
+        (["map", ..], _) => Schema::of(Kind::Map),
+        (["digests"], _) => Schema::digests(),
+        _ => return String::new(),
+    };
+    schema.name
 }
 
 /// The prefix of a topic's name before what may be one of a recording, and how much that says.

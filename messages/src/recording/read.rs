@@ -10,9 +10,7 @@ use crate::ledger::Ledger;
 use crate::record::{
     Codec, DIGESTS, DecodeError, Digest, Digests, OtherOwned, Recorded, Said, TRANSFORMS,
 };
-use crate::{
-    AnyView, CurvesView, Header, Kind, Owned, Topic,
-};
+use crate::{AnyView, CurvesView, Header, Kind, Owned, Topic};
 use mcap::{Attachment, McapError};
 use thiserror::Error;
 
@@ -434,7 +432,32 @@ impl Recording {
         };
         let Metadata { rig, reference, .. } = &recording.metadata;
         recording.codec = Codec::new(rig.clone(), *reference);
+        recording.remark_others();
         Ok(recording)
+    }
+
+    /// Says which of its messages are of nodes that this program does not have.
+    fn remark_others(&mut self) {
+        let mut others: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for (topic, (_, schema)) in self.channels() {
+            let name = schema.and_then(|schema| schema.name.strip_prefix("tricurve."));
+            let node = name.and_then(|name| Some(name.split_once('.')?.0));
+            if let Some(node) = node.filter(|_| !self.codec.is_data(topic)) {
+                let topics = others.entry(node.to_owned()).or_default();
+                topics.insert(topic.to_owned());
+            }
+        }
+        for (node, topics) in others {
+            let first = topics.first().cloned().unwrap_or_default();
+            let more = match topics.len() {
+                1 => String::new(),
+                many => format!(" and {} more", many - 1),
+            };
+            self.remarks.push(format!(
+                "{first}{more}: made by the node {node}, which this program does not have; it can copy these messages, and \
+                 neither play nor compare them"
+            ));
+        }
     }
 
     /// Adds the further parts, and says which cannot be.

@@ -21,10 +21,8 @@ pub(super) fn rebuilt(recording: &mut Recording) -> Result<Metadata, ReadError> 
         .definitions()
         .into_iter()
         .map(|(topic, _, schema)| {
-            let schema = schema
-                .map_or(schema_of(topic), |schema| &schema.name)
-                .to_owned();
-            (topic.to_owned(), schema)
+            let said = schema.map(|schema| schema.name.clone());
+            (topic.to_owned(), said.unwrap_or_else(|| schema_of(topic)))
         })
         .collect();
     let path = recording.path().to_owned();

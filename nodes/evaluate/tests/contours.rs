@@ -466,7 +466,7 @@ fn every_figure_is_what_its_definition_says() {
         let rest = (0..all.len()).filter(|&i| all[i].has_contrast && !counts[i]);
         let rest = rest.map(|i| all[i].weight).sum();
         assert!(close(found.left_out, rest), "{found:?}");
-        for (kind, [length, on]) in ContourKind::all().zip(found.kinds) {
+        for (kind, [length, on]) in ContourKind::ALL.into_iter().zip(found.kinds) {
             assert!(close(length, sum(&|i| all[i].kind == kind)));
             assert!(close(on, sum(&|i| all[i].kind == kind && is_on(i))));
         }

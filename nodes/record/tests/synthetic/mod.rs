@@ -244,9 +244,7 @@ impl Scan {
                 Kind::Matches => both(&self.matches[topic.channel as usize]),
                 Kind::Disparity => both(&self.disparity),
                 Kind::Points => both(&self.points),
-                Kind::Raw | Kind::Truth | Kind::Map | Kind::Growing | Kind::Evaluation => {
-                    unreachable!()
-                }
+                other => unreachable!("{other:?} was left out"),
             })
             .collect()
     }

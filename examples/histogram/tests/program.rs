@@ -1,0 +1,185 @@
+//! The program as its users have it: the node runs, is killed and started again, is recorded, played, compared and set otherwise.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// A folder of this test's own, for its files and its runs.
+struct World(PathBuf);
+
+impl World {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("histogram{}{name}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        fs::set_permissions(&folder, fs::Permissions::from_mode(0o700)).unwrap();
+        Self(folder)
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_histogram"));
+        command
+            .args(arguments)
+            .env("XDG_RUNTIME_DIR", &self.0)
+            .current_dir(&self.0);
+        command
+    }
+
+    #[track_caller]
+    fn ends(&self, arguments: &[&str], code: i32) -> String {
+        told(&self.command(arguments).output().unwrap(), code)
+    }
+
+    fn starts(&self, arguments: &[&str]) -> Child {
+        let mut command = self.command(arguments);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.spawn().unwrap()
+    }
+
+    /// The process of the node `histogram` in this world.
+    fn node(&self) -> Option<u32> {
+        let folder = self.0.to_string_lossy().into_owned();
+        let processes = fs::read_dir("/proc").unwrap().flatten();
+        let mut pids = processes.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+        pids.find(|pid: &u32| {
+            let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+            let line = String::from_utf8_lossy(&line).into_owned();
+            let words: Vec<&str> = line.split('\0').collect();
+            words.get(1..3) == Some(&["_node", "histogram"]) && line.contains(&folder)
+        })
+    }
+}
+
+impl Drop for World {
+    fn drop(&mut self) {
+        fs::remove_dir_all(&self.0).unwrap_or_default();
+    }
+}
+
+/// What a process said, which ended with this code.
+#[track_caller]
+fn told(output: &Output, code: i32) -> String {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    said
+}
+
+/// Waits for something, but not for ever.
+fn waited<T>(mut there: impl FnMut() -> Option<T>) -> T {
+    let deadline = Instant::now() + Duration::from_secs(120);
+    loop {
+        if let Some(found) = there() {
+            return found;
+        }
+        assert!(Instant::now() < deadline, "waited in vain");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn graph() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("graph.toml");
+    path.to_string_lossy().into_owned()
+}
+
+#[test]
+fn a_killed_node_loses_nothing_and_its_messages_are_recorded_played_and_compared() {
+    let world = World::new("killed");
+    let graph = graph();
+    let run = ["run", &graph, "--scans", "16", "--record", "h.mcap"];
+    let run = world.starts(&run);
+    let mut killed = 0;
+    for _ in 0..2 {
+        let pid = waited(|| world.node().filter(|pid| *pid != killed));
+        std::thread::sleep(Duration::from_millis(300));
+        let mut kill = Command::new("kill");
+        kill.args(["-KILL", &pid.to_string()]);
+        assert!(kill.status().unwrap().success(), "the node ended too early");
+        killed = pid;
+    }
+    let said = told(&run.wait_with_output().unwrap(), 0);
+    assert!(said.contains("16 admitted = 16 done"), "{said}");
+
+    let info = world.ends(&["info", "h.mcap"], 0);
+    assert!(info.contains("16 of 16 whole"), "{info}");
+    assert!(info.contains("tricurve.histogram.Histogram"), "{info}");
+    let verified = world.ends(&["replay", "h.mcap", "--verify"], 0);
+    assert!(verified.contains("histogram/left/0.8"), "{verified}");
+
+    // A side branch has a cut of its own: nothing else is computed.
+    let branch = ["replay", "h.mcap", "--from", "histogram", "--verify"];
+    let branch = world.ends(&branch, 0);
+    assert!(branch.contains("96 messages of 6 topics"), "{branch}");
+    let changed = [
+        "replay",
+        "h.mcap",
+        "--from",
+        "histogram",
+        "--verify",
+        "--set",
+        "histogram.step=2",
+    ];
+    let changed = world.ends(&changed, 3);
+    let first = "classes[0]: recorded Class { least: 0.0, count: ";
+    assert!(changed.contains(first), "{changed}");
+    let matching = ["replay", "h.mcap", "--from", "match", "--verify"];
+    let matching = world.ends(&matching, 0);
+    assert!(!matching.contains("histogram/left"), "{matching}");
+}
+
+#[test]
+fn a_proof_has_its_digests_and_is_rehydrated_to_the_byte() {
+    let world = World::new("proof");
+    let keep = "record.keep=proof";
+    let run = [
+        "run",
+        &graph(),
+        "--scans",
+        "4",
+        "--record",
+        "p.mcap",
+        "--set",
+        keep,
+    ];
+    world.ends(&run, 0);
+    let proof = world.ends(&["info", "p.mcap"], 0);
+    assert!(!proof.contains("tricurve.histogram.Histogram"), "{proof}");
+    world.ends(&["rehydrate", "p.mcap", "-o", "f.mcap"], 0);
+    let full = world.ends(&["info", "f.mcap"], 0);
+    assert!(full.contains("tricurve.histogram.Histogram"), "{full}");
+    world.ends(&["replay", "f.mcap", "--verify"], 0);
+}
+
+#[test]
+fn its_settings_are_checked_listed_and_set_while_it_runs() {
+    let world = World::new("set");
+    let graph = graph();
+    let wrong = ["validate", &graph, "--set", "histogram.step=99"];
+    let wrong = world.ends(&wrong, 2);
+    let range = "histogram.step must lie between 0.1 and 64, not 99";
+    assert!(wrong.contains(range), "{wrong}");
+    let valid = world.ends(&["validate", &graph], 0);
+    assert!(valid.contains("# Gray levels per pixel from"), "{valid}");
+    let drawn = world.ends(&["graph", &graph], 0);
+    assert!(drawn.contains("filter -->|edges| histogram"), "{drawn}");
+
+    let mut run = world.starts(&["run", &graph, "--set", "capture.scans=100000"]);
+    waited(|| {
+        let set = ["param", "set", "histogram.step=2"];
+        let set = world.command(&set).output().unwrap();
+        set.status.success().then_some(())
+    });
+    let list = world.ends(&["param", "list"], 0);
+    let step = list.lines().find(|line| line.contains("histogram.step"));
+    assert!(step.is_some_and(|line| line.contains('2')), "{list}");
+    let echo = ["topic", "echo", "histogram/left/0.8", "--count", "1"];
+    let echo = world.ends(&echo, 0);
+    assert!(echo.contains("classes"), "{echo}");
+    let int = Command::new("kill")
+        .args(["-INT", &run.id().to_string()])
+        .status();
+    assert!(int.unwrap().success());
+    run.wait().unwrap();
+}
