@@ -1,5 +1,5 @@
 //! Messages of others: defined once, known everywhere.
-#![expect(clippy::unwrap_used, clippy::unwrap_in_result, reason = "tests")]
+#![expect(clippy::unwrap_used, reason = "tests")]
 
 use messages::record::{Beside, Codec, Schema};
 use messages::{

@@ -40,14 +40,13 @@ impl World {
 
     /// The process of the node `histogram` in this world.
     fn node(&self) -> Option<u32> {
-        let folder = self.0.to_string_lossy().into_owned();
         let processes = fs::read_dir("/proc").unwrap().flatten();
         let mut pids = processes.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
         pids.find(|pid: &u32| {
             let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-            let line = String::from_utf8_lossy(&line).into_owned();
-            let words: Vec<&str> = line.split('\0').collect();
-            words.get(1..3) == Some(&["_node", "histogram"]) && line.contains(&folder)
+            let mut words = line.split(|byte| *byte == 0).skip(1);
+            let is_node = words.next() == Some(b"_node") && words.next() == Some(b"histogram");
+            is_node && fs::read_link(format!("/proc/{pid}/cwd")).is_ok_and(|cwd| cwd == self.0)
         })
     }
 }
