@@ -2,9 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::error::ReadError;
 use super::metadata::{Metadata, is_possible};
 use super::names::schema_of;
-use super::read::{ReadError, Recording, Scan};
+use super::read::Recording;
+use super::scan::Scan;
 use crate::record::{CameraSaid, Codec, TRANSFORMS, frame_said, places_said, size_said};
 use crate::rig::{Rail, Rig, View};
 use crate::{Calibration, Kind, Owned, Points, Size, Topic};

@@ -9,7 +9,7 @@ use mcap::records::{ChunkIndex, Record, op};
 use super::file::{Chunk, Contents, Group, first_sequence, record_in};
 use super::layout::parse;
 use super::metadata::ScanOrder;
-use super::read::Part;
+use super::part::Part;
 use super::scans::{Block, Place, Sighting, is_repeated};
 
 /// A chunk that cannot be read: its place and length, and what is wrong.
