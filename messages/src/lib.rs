@@ -17,6 +17,7 @@ pub mod bus;
 pub mod calibration;
 #[cfg(any(feature = "bus", feature = "record"))]
 pub mod change;
+pub mod clock;
 pub mod contour;
 pub mod contrast;
 pub mod door;
@@ -38,6 +39,7 @@ pub mod topic;
 pub mod words;
 
 pub use calibration::Calibration;
+pub use clock::Clock;
 pub use contour::{Contour, ContourKind, ContourPoint};
 pub use contrast::Contrast;
 pub use header::{Header, NONE, Size, Sway};
