@@ -184,6 +184,7 @@ impl Drive {
             is_held: false,
             is_draining: false,
             failed: None,
+            is_over: false,
             has_finished: false,
             sought_from: None,
         };
@@ -256,6 +257,8 @@ struct Driver {
     is_held: bool,
     is_draining: bool,
     failed: Option<String>,
+    /// Whether nothing more goes in, by what was last seen.
+    is_over: bool,
     has_finished: bool,
     /// Number of the first scan let in since the last seek.
     sought_from: Option<u64>,
@@ -283,7 +286,7 @@ impl Driver {
                 source.came_out(line.door());
             }
             wait = self.step(line, source)?;
-            let rests = self.is_held || self.clock.stands() || self.is_over(line.door());
+            let rests = self.is_held || self.clock.stands() || self.is_over;
             source.look(line.bus(), rests);
         }
     }
@@ -361,8 +364,8 @@ impl Driver {
         }
     }
 
-    /// Whether no scan is let in any more.
-    fn is_over(&self, door: &Door) -> bool {
+    /// Whether no scan is let in any more, whatever the source has.
+    fn is_closed(&self, door: &Door) -> bool {
         let is_past = |total: u64| door.next_tick() >= total;
         self.is_draining || self.failed.is_some() || self.drive.total().is_some_and(is_past)
     }
@@ -373,10 +376,11 @@ impl Driver {
         line: &mut L,
         source: &mut S,
     ) -> Result<Duration, S::Error> {
-        let ahead = match self.is_over(line.door()) {
+        let ahead = match self.is_closed(line.door()) {
             true => Ahead::End,
             false => source.ahead(line.bus(), line.door())?,
         };
+        self.is_over = matches!(ahead, Ahead::End | Ahead::Failed(_));
         if let Ahead::Failed(why) = &ahead {
             self.failed = Some(why.clone());
         }

@@ -262,11 +262,16 @@ struct Fake {
     way: Way,
     /// What cannot be read, and whether all after it cannot either.
     bad: Option<(u64, bool)>,
+    /// How many scans there are, which nobody was told before.
+    end: Option<u64>,
     /// By how much the scans from the tenth on were taken later.
     jump: u64,
     passed: u64,
     came_out: u64,
     finished: u64,
+    /// Whether it was at rest when it looked last, and how often it was not.
+    rests: bool,
+    active: u64,
 }
 
 impl Fake {
@@ -274,10 +279,13 @@ impl Fake {
         Self {
             way,
             bad: None,
+            end: None,
             jump: 0,
             passed: 0,
             came_out: 0,
             finished: 0,
+            rests: false,
+            active: 0,
         }
     }
 }
@@ -299,6 +307,7 @@ impl Driven<Desk> for Fake {
             Some((bad, true)) if self.way.comes() && bad == tick => {
                 Ahead::Failed("it is broken".to_owned())
             }
+            _ if self.end == Some(tick) => Ahead::End,
             _ => Ahead::Scan,
         })
     }
@@ -336,6 +345,11 @@ impl Driven<Desk> for Fake {
 
     fn came_out(&mut self, door: &Door) {
         self.came_out = door.done_count();
+    }
+
+    fn look(&mut self, _: &Desk, rests: bool) {
+        self.rests = rests;
+        self.active += u64::from(!rests);
     }
 
     fn finish(&mut self, _: &Desk) {
@@ -657,17 +671,33 @@ fn a_successor_sends_what_was_under_way_and_goes_on_behind_it() {
 
 #[test]
 fn a_source_without_a_known_number_of_scans_ends_when_it_says_so() {
-    let drive = Drive {
-        scans: None,
-        ..Way::Films.drive()
-    };
-    let source = Fake {
-        bad: Some((12, true)),
-        ..Fake::new(Way::Films)
-    };
-    let ran = run(drive, source, Script::new(Some(WORK), &[]));
-    assert_eq!(ran.all_sent().len(), 12);
-    ran.is_finished(Some("it is broken"));
+    for ends_well in [true, false] {
+        let drive = Drive {
+            scans: None,
+            ..Way::Films.drive()
+        };
+        let source = Fake {
+            bad: (!ends_well).then_some((12, true)),
+            end: Some(12),
+            ..Fake::new(Way::Films)
+        };
+        let ran = run(drive, source, Script::new(Some(WORK), &[]));
+        assert_eq!(ran.all_sent().len(), 12);
+        ran.is_finished((!ends_well).then_some("it is broken"));
+        assert!(ran.source.rests);
+    }
+}
+
+#[test]
+fn a_source_rests_while_it_is_held_or_paused_and_when_it_is_over() {
+    for way in WAYS {
+        for request in [HOLD, play(Play::Stop), DRAIN] {
+            let ran = asked(way, &[(0, request)]);
+            assert_eq!((ran.source.active, ran.source.rests), (0, true), "{way:?}");
+        }
+        let ran = asked(way, &[]);
+        assert!(ran.source.active > 0 && ran.source.rests, "{way:?}");
+    }
 }
 
 #[test]

@@ -29,6 +29,7 @@ const QUIET: Duration = Duration::from_secs(2);
 const EXPOSURE_PATIENCE: u64 = 30;
 /// Looks in a row that must agree on what is wrong with the views.
 const LOOKS: u32 = 3;
+
 /// Lets scans in as the cameras take them, until they end or the launcher says to stop.
 pub(crate) fn run(
     bus: &mut Bus,
