@@ -177,6 +177,21 @@ impl Run {
         }
     }
 
+    /// Kills a node, and waits until another one has its place.
+    #[track_caller]
+    fn kill(&self, name: &str) {
+        let restarts = || {
+            let nodes = self.state().nodes;
+            let node = nodes.into_iter().find(|node| node.name == name).unwrap();
+            (node.state == "running").then_some(node.restarts)
+        };
+        let before = restarts().unwrap();
+        let nodes = self.world.nodes();
+        let (_, pid) = nodes.iter().find(|(node, _)| node == name).unwrap();
+        signal(*pid, "KILL");
+        wait_until("it is there again", || restarts() == Some(before + 1));
+    }
+
     /// Waits until all that went in is done; gives how many scans that are.
     #[track_caller]
     fn is_idle(&self) -> u64 {
@@ -227,18 +242,16 @@ fn is_disturbed(source: Source) {
     let playing = run.state().playing.unwrap();
     assert!(playing.is_paused, "{playing:?}");
     assert_eq!(playing.is_recording, source == Source::Recording);
-    assert_eq!(run.play(Play::Resume), "playing");
+    // A source that dies is as paused as it was.
+    run.kill(&run.state().nodes[0].name);
+    assert_eq!(run.set(0.635), admitted + 1, "{source:?}");
+    assert_eq!(run.play(Play::Resume), "playing", "{source:?}");
     run.goes_on(3);
-    // Who dies gets what was under way once more.
-    let is_filter = |(name, _): &(String, u32)| name == "filter";
-    let filter = run.world.nodes().into_iter().find(is_filter).unwrap().1;
-    signal(filter, "KILL");
-    wait_until("it is there again", || {
-        let nodes = run.state().nodes;
-        let mut nodes = nodes.iter();
-        nodes.any(|node| (&*node.name, &*node.state, node.restarts) == ("filter", "running", 1))
-    });
-    run.goes_on(3);
+    // Who dies gets what was under way once more, and a source that dies sends it.
+    for node in ["filter", "match", &*run.state().nodes[0].name] {
+        run.kill(node);
+        run.goes_on(3);
+    }
     let admitted = run.state().progress.admitted;
     assert!(run.set(0.64) >= admitted, "{source:?}");
     assert_eq!(run.play(Play::Pause), "paused", "{source:?}");
