@@ -21,6 +21,7 @@ mod ask;
 mod control;
 mod descriptors;
 mod doctor;
+mod drive;
 mod frames;
 mod gate;
 mod guest;
@@ -57,8 +58,8 @@ pub use ask::{
 pub use control::{Command, Event, Level, Log, NodeReport, Play, Playing, Progress};
 pub use descriptors::OpenFiles;
 pub use doctor::Doctor;
+pub use drive::{Ahead, Drive, Driven, Read};
 pub use frames::{FrameIn, FramesIn, FramesOut};
-pub use gate::Gate;
 pub use guest::{Guest, Hearer, LOOK_EVERY, Reports};
 pub use inputs::{Inputs, Joined, Joins, Received};
 pub use meter::{Meter, Percentiles};

@@ -21,6 +21,7 @@ pub mod bus;
 pub mod calibration;
 #[cfg(any(feature = "bus", feature = "record"))]
 pub mod change;
+pub mod clock;
 pub mod contour;
 pub mod contrast;
 pub mod door;
@@ -48,6 +49,7 @@ pub mod topic;
 pub mod words;
 
 pub use calibration::Calibration;
+pub use clock::Clock;
 pub use contour::{Contour, ContourKind, ContourPoint};
 pub use contrast::Contrast;
 pub use elements::{

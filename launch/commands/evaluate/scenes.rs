@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use capture::{Layout, Source};
+use capture::{Layout, Source, SourceError};
 use serde::Serialize;
 
 use crate::graph::Graph;
@@ -145,26 +145,33 @@ pub(super) fn nothing_left(scenes: usize, skipped: &[Skipped]) -> Result<(), Fai
 
 fn all(graph: &Graph, sources: &[String]) -> (Vec<Scene>, Vec<Skipped>) {
     let (mut scenes, mut skipped) = (Vec::new(), Vec::new());
-    for spec in sources.iter().flat_map(|spec| parts(graph, spec)) {
-        match open(graph, &spec) {
-            Ok(source) => {
-                let known = (0..source.view_count()).filter(|view| source.knows_truth(*view));
-                let known: Vec<usize> = known.collect();
-                scenes.extend((0..source.scenes()).map(|scan| Scene {
-                    name: source.name(scan).to_owned(),
-                    is_rendered: is_rendered(&spec),
-                    scan,
-                    views: source.view_count(),
-                    spec: spec.clone(),
-                    known: known.clone(),
-                }));
-            }
-            Err(error) => skipped.push(Skipped {
-                name: name(&spec),
-                is_wrong_use: error.outcome == Outcome::Usage,
-                is_lost: error.outcome != Outcome::Usage,
-                why: error.text,
-            }),
+    let mut take_in = |spec: &str, source: Result<Source, Failure>| match source {
+        Ok(source) => {
+            let known = (0..source.view_count()).filter(|view| source.knows_truth(*view));
+            let known: Vec<usize> = known.collect();
+            scenes.extend((0..source.scenes()).map(|scan| Scene {
+                name: source.name(scan).to_owned(),
+                is_rendered: is_rendered(spec),
+                scan,
+                views: source.view_count(),
+                spec: spec.to_owned(),
+                known: known.clone(),
+            }));
+        }
+        Err(error) => skipped.push(Skipped {
+            name: name(spec),
+            is_wrong_use: error.outcome == Outcome::Usage,
+            is_lost: error.outcome != Outcome::Usage,
+            why: error.text,
+        }),
+    };
+    for spec in sources {
+        let whole = read(graph, spec);
+        match parts(spec, &whole).as_slice() {
+            [] => take_in(spec, whole.and_then(checked)),
+            parts => parts
+                .iter()
+                .for_each(|part| take_in(part, open(graph, part))),
         }
     }
     (scenes, skipped)
@@ -174,26 +181,22 @@ fn is_rendered(spec: &str) -> bool {
     spec.starts_with("scene:")
 }
 
-/// What a source is opened as: of a folder of scenes each by itself, so that one that is wrong does not spoil the others.
-fn parts(graph: &Graph, spec: &str) -> Vec<String> {
-    let whole = || vec![spec.to_owned()];
-    if is_rendered(spec) {
-        return whole();
-    }
-    let folders = folders(Path::new(spec));
+/// What a source is opened as by parts: of a folder of scenes each by itself, so that one that is wrong does not spoil the
+/// others. None, where it is one source.
+fn parts(spec: &str, whole: &Result<Result<Source, SourceError>, Failure>) -> Vec<String> {
     // Only where each folder is a scene of its own; what is wrong with one of them must not spoil the others.
-    let is_one = match settings_of(graph, spec).map(|settings| Source::open(&settings)) {
+    let is_one = match whole {
+        _ if is_rendered(spec) => true,
         Ok(Ok(source)) => source.scenes() == 1 || source.layout() != Some(Layout::Times),
         Ok(Err(error)) => error.is_of_layout(),
         Err(_) => true,
     };
-    match folders.is_empty() || is_one {
-        true => whole(),
-        false => folders
-            .iter()
-            .map(|folder| folder.display().to_string())
-            .collect(),
-    }
+    let folders = match is_one {
+        true => Vec::new(),
+        false => folders(Path::new(spec)),
+    };
+    let spec = |folder: &PathBuf| folder.display().to_string();
+    folders.iter().map(spec).collect()
 }
 
 fn settings_of(graph: &Graph, spec: &str) -> Result<capture::Settings, Failure> {
@@ -203,11 +206,20 @@ fn settings_of(graph: &Graph, spec: &str) -> Result<capture::Settings, Failure> 
 }
 
 fn open(graph: &Graph, spec: &str) -> Result<Source, Failure> {
+    read(graph, spec).and_then(checked)
+}
+
+/// Opens a source that can be read more than once.
+fn read(graph: &Graph, spec: &str) -> Result<Result<Source, SourceError>, Failure> {
     if spec.starts_with("camera:") {
-        return Err(Failure::usage(capture::SourceError::SentOnce));
+        return Err(Failure::usage(SourceError::SentOnce));
     }
-    let settings = settings_of(graph, spec)?;
-    let source = Source::open(&settings).map_err(|error| match error.is_wrong_use() {
+    Ok(Source::open(&settings_of(graph, spec)?))
+}
+
+/// A source of scenes that can be compared.
+fn checked(source: Result<Source, SourceError>) -> Result<Source, Failure> {
+    let source = source.map_err(|error| match error.is_wrong_use() {
         true => Failure::usage(error),
         false => Failure::failed(error),
     })?;

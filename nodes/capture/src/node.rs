@@ -1,12 +1,9 @@
 //! The shell on the bus: `source ─► door ─► images`, a scan at a time.
 
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
 
-use messages::bus::{
-    Bus, BusError, Filled, Gate, Level, Loan, Outputs, Play, Playing, Request, Start,
-};
-use messages::door::UnderWay;
+use messages::bus::{Bus, BusError, Drive, Driven, Filled, Level, Loan, Outputs, Read, Start};
+use messages::door::{Door, UnderWay};
 use messages::{Delivery, Header, Image, NONE, Raw, Rig};
 
 use crate::exposure::Exposure;
@@ -28,9 +25,6 @@ pub enum CaptureError {
 pub const UNREADABLE: &str = "an image cannot be read";
 /// How many such scans are named.
 const NAMED_UNREADABLE: u64 = 5;
-/// How long to wait for news when nothing else is to be done.
-const IDLE: Duration = Duration::from_secs(1);
-
 /// Sends scan after scan while the door is open, until the source is exhausted or the launcher says to stop.
 ///
 /// # Errors
@@ -41,7 +35,17 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         return live::node::run(bus, way, &settings, start);
     }
     let source = Source::open_at(&settings, &start.places, &start.sway)?;
-    let total = source.scans();
+    let delivery = bus.run().delivery;
+    let drive = Drive {
+        scans: Some(source.scans()),
+        delivery,
+        // A camera has its own time; files are read as fast as they are done with.
+        rate: (delivery == Delivery::Live).then_some(1.0),
+        ..Drive::default()
+    };
+    if let Some(account) = source.account() {
+        bus.synchronised(account.clone());
+    }
     let mut capture = Capture {
         source,
         images: bus.outputs(&settings.makes())?,
@@ -49,139 +53,12 @@ pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), Captu
         // A file is as it is.
         exposure: Exposure::new(bus.run().rig.views.iter().map(|view| view.name.clone()), 1),
         doubts: Vec::new(),
-        gate: bus.gate(&start.resume, Some(total))?,
+        unreadable: 0,
         rig: bus.run().rig.clone(),
         start_nanos: settings.start.unwrap_or_default(),
         settings,
     };
-    let is_live = bus.run().delivery == Delivery::Live;
-    let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
-    let (mut pause, mut is_held) = (Pause::default(), false);
-    let mut unreadable = 0u64;
-    if let Some(account) = capture.source.account() {
-        bus.synchronised(account.clone());
-    }
-    bus.playing(pause.playing());
-    if is_live {
-        capture.prepare()?;
-    }
-    bus.ready()?;
-    let mut began = Instant::now();
-    let first_nanos = capture.nanos(capture.gate.door().next_tick());
-    loop {
-        let is_over = is_draining || failed.is_some() || capture.gate.door().next_tick() >= total;
-        // A camera has its own time; files are read as fast as they are done with.
-        let since = capture
-            .nanos(capture.gate.door().next_tick())
-            .saturating_sub(first_nanos);
-        let due = if is_live {
-            began + Duration::from_nanos(since)
-        } else {
-            began
-        };
-        let may_go = !is_over && !is_held && pause.lets_go();
-        let is_due = may_go && due <= Instant::now();
-        let wait = match is_due && (is_live || capture.gate.door().is_open()) {
-            true => Duration::ZERO,
-            false if !may_go || !is_live => IDLE,
-            false => due.saturating_duration_since(Instant::now()).min(IDLE),
-        };
-        match bus.request(wait)? {
-            Some(Request::Stop(_)) => break,
-            Some(Request::Drain) => is_draining = true,
-            // What cannot be read again is lost to those who wait for it.
-            Some(Request::Resend) => capture.resend()?,
-            Some(Request::Hold) => {
-                is_held = true;
-                capture.gate.held();
-            }
-            Some(Request::Go) => is_held = false,
-            Some(Request::Play(play)) => {
-                // A camera's time does not pass while it is paused.
-                began += pause.play(play, Instant::now());
-                bus.playing(pause.playing());
-            }
-            Some(Request::Begin) | None => {}
-        }
-        capture.gate.hear_done(bus)?;
-        // What was asked meanwhile holds for the next scan already.
-        let is_due = is_due && !is_held && pause.lets_go();
-        if is_due && capture.gate.door().is_open() {
-            pause.went();
-            let read = capture.read(capture.gate.door().next_tick());
-            capture.doubts.drain(..).for_each(|doubt| bus.doubt(doubt));
-            match read {
-                Ok(loans) => {
-                    let scan = capture.gate.admit(bus);
-                    capture.send(scan, loans)?;
-                }
-                Err(CaptureError::Source(error)) if error.is_of_one_scan() => {
-                    if unreadable < NAMED_UNREADABLE {
-                        bus.log(Level::Error, format!("{error}: its scan is left out"));
-                    }
-                    unreadable += 1;
-                    capture.gate.refuse(bus, UNREADABLE);
-                }
-                Err(CaptureError::Source(error)) => failed = Some(error.to_string()),
-                Err(error) => return Err(error),
-            }
-        } else if is_due && is_live {
-            capture.gate.refuse(bus, "the door was closed");
-        }
-        if is_over && capture.gate.door().is_idle() && !has_finished {
-            has_finished = true;
-            match &failed {
-                None => bus.finish(&[("scans", capture.gate.door().admitted())]),
-                Some(why) => bus.finish_failed(why, &[("scans", capture.gate.door().admitted())]),
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Whether scans go out.
-#[derive(Debug, Default)]
-pub(crate) struct Pause {
-    since: Option<Instant>,
-    /// Scans to let out although it is paused.
-    steps: u32,
-}
-
-impl Pause {
-    pub(crate) fn lets_go(&self) -> bool {
-        self.since.is_none() || self.steps > 0
-    }
-
-    /// A scan went out.
-    pub(crate) fn went(&mut self) {
-        self.steps = self.steps.saturating_sub(1);
-    }
-
-    /// Pauses or goes on; gives how long it was paused.
-    pub(crate) fn play(&mut self, play: Play, now: Instant) -> Duration {
-        let since = self.since;
-        match play {
-            Play::Pause => self.since = since.is_none().then_some(now),
-            Play::Stop => self.since = since.or(Some(now)),
-            Play::Resume => self.since = None,
-            Play::Step => {
-                self.since = since.or(Some(now));
-                self.steps += 1;
-            }
-            Play::Faster | Play::Slower | Play::Rate(_) | Play::Seek(_) => {}
-        }
-        match (since, self.since) {
-            (Some(since), None) => now.saturating_duration_since(since),
-            _ => Duration::ZERO,
-        }
-    }
-
-    pub(crate) fn playing(&self) -> Playing {
-        Playing {
-            is_paused: self.since.is_some(),
-            ..Playing::default()
-        }
-    }
+    drive.run(bus, start, &mut capture)
 }
 
 struct Capture {
@@ -192,7 +69,8 @@ struct Capture {
     exposure: Exposure,
     /// What is to be said of how views are exposed.
     doubts: Vec<String>,
-    gate: Gate,
+    /// Scans that could not be read.
+    unreadable: u64,
     rig: Rig,
     start_nanos: u64,
     settings: Settings,
@@ -213,19 +91,22 @@ const LEAST_TRUTHS: usize = 4;
 /// Scans that are read before the camera's time begins, at most: all scenes that take turns when rendered.
 const PREPARED: u64 = 8;
 
-impl Capture {
-    /// When a scan was taken: by the source's own times, or by its rate.
-    fn nanos(&self, tick: u64) -> u64 {
-        match self.source.nanos_after_start(tick) {
-            Some(after) => self.start_nanos.saturating_add(after),
-            None => self.settings.nanos(self.start_nanos, tick),
-        }
+impl Driven for Capture {
+    type Scan = Loans;
+    type Error = CaptureError;
+
+    /// By the source's own times, or by its rate.
+    fn nanos(&self, tick: u64) -> Option<u64> {
+        Some(self.taken_nanos(tick))
     }
 
-    /// Renders or decodes before the camera's time begins what is kept from the first time on. What cannot be read is told
+    /// Renders or decodes before a camera's time begins what is kept from the first time on. What cannot be read is told
     /// when its turn comes.
-    fn prepare(&mut self) -> Result<(), CaptureError> {
-        let first = self.gate.door().next_tick();
+    fn prepare(&mut self, bus: &Bus, door: &Door) -> Result<(), CaptureError> {
+        if bus.run().delivery == Delivery::Lossless {
+            return Ok(());
+        }
+        let first = door.next_tick();
         let scenes = self.source.scenes().min(PREPARED);
         for tick in first..self.source.scans().min(first + scenes) {
             match self.read(tick) {
@@ -236,9 +117,64 @@ impl Capture {
         Ok(())
     }
 
+    fn read_scan(&mut self, bus: &Bus, tick: u64) -> Result<Read<Loans>, CaptureError> {
+        let read = self.read(tick);
+        self.doubts.drain(..).for_each(|doubt| bus.doubt(doubt));
+        match read {
+            Ok(loans) => Ok(Read::Scan(loans)),
+            Err(CaptureError::Source(error)) if error.is_of_one_scan() => {
+                if self.unreadable < NAMED_UNREADABLE {
+                    bus.log(Level::Error, format!("{error}: its scan is left out"));
+                }
+                self.unreadable += 1;
+                Ok(Read::LeftOut(UNREADABLE))
+            }
+            Err(CaptureError::Source(error)) => Ok(Read::Failed(error.to_string())),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn read_again(&mut self, _: &Bus, tick: u64) -> Result<Loans, CaptureError> {
+        self.read(tick)
+    }
+
+    fn send_scan(
+        &mut self,
+        _: &Bus,
+        under_way: UnderWay,
+        done_below: u64,
+        loans: Loans,
+    ) -> Result<(), CaptureError> {
+        let numbered = |header: Header| Header {
+            sequence: under_way.sequence,
+            done_below,
+            ..header
+        };
+        for (loan, filled, header) in loans.images {
+            self.images.publish(loan, &numbered(header), filled)?;
+        }
+        for (loan, filled, header) in loans.raw {
+            self.images.publish(loan, &numbered(header), filled)?;
+        }
+        if let Some((loan, filled, header)) = loans.truth {
+            self.images.publish(loan, &numbered(header), filled)?;
+        }
+        Ok(())
+    }
+}
+
+impl Capture {
+    /// When a scan was taken.
+    fn taken_nanos(&self, tick: u64) -> u64 {
+        match self.source.nanos_after_start(tick) {
+            Some(after) => self.start_nanos.saturating_add(after),
+            None => self.settings.nanos(self.start_nanos, tick),
+        }
+    }
+
     /// Reads a scan of the source into shared memory.
     fn read(&mut self, tick: u64) -> Result<Loans, CaptureError> {
-        let nanos = self.nanos(tick);
+        let nanos = self.taken_nanos(tick);
         let mut images = Vec::with_capacity(self.rig.views.len());
         let mut raw = Vec::new();
         for view in 0..self.rig.views.len() {
@@ -311,33 +247,5 @@ impl Capture {
             ..Header::new(0, nanos, size)
         };
         Ok((loan, filled, header))
-    }
-
-    fn send(&mut self, scan: UnderWay, loans: Loans) -> Result<(), CaptureError> {
-        let done_below = self.gate.door().needed_from();
-        let numbered = |header: Header| Header {
-            sequence: scan.sequence,
-            done_below,
-            ..header
-        };
-        for (loan, filled, header) in loans.images {
-            self.images.publish(loan, &numbered(header), filled)?;
-        }
-        for (loan, filled, header) in loans.raw {
-            self.images.publish(loan, &numbered(header), filled)?;
-        }
-        if let Some((loan, filled, header)) = loans.truth {
-            self.images.publish(loan, &numbered(header), filled)?;
-        }
-        Ok(())
-    }
-
-    /// Sends the scans under way once more, the oldest first.
-    fn resend(&mut self) -> Result<(), CaptureError> {
-        for scan in self.gate.door().to_resend() {
-            let loans = self.read(scan.tick)?;
-            self.send(scan, loans)?;
-        }
-        Ok(())
     }
 }

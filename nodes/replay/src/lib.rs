@@ -8,13 +8,11 @@
 //!
 //! In lockstep, as fast as the door lets scans in; or at a rate, in the recording's own time.
 
-mod clock;
 #[cfg(feature = "node")]
 pub mod node;
 mod selection;
 mod settings;
 pub mod verify;
 
-pub use clock::Clock;
 pub use selection::{Choice, Selection, SelectionError, check_cut, replayed_kinds};
 pub use settings::Settings;

@@ -1,18 +1,14 @@
 //! The shell on the bus: `recording ─► door ─► every topic before the cut`, a scan at a time.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
 
-use messages::bus::{
-    Bus, BusError, Filled, Gate, Level, Loan, Outputs, Play, Playing, Request, Start,
-};
+use messages::bus::{Bus, BusError, Drive, Driven, Filled, Loan, Outputs, Read, Start};
 use messages::door::UnderWay;
 use messages::record::{Codec, Recorded};
 use messages::recording::{ReadError, Recording, Scan};
-use messages::{Curves, CurvesView, Header, Kind, Tables, Topic};
+use messages::{Curves, CurvesView, Delivery, Header, Kind, Tables, Topic};
 
-use crate::clock::jumps;
-use crate::{Clock, Selection, SelectionError, Settings};
+use crate::{Selection, SelectionError, Settings};
 
 /// Why replaying failed.
 #[derive(Debug, thiserror::Error)]
@@ -28,9 +24,6 @@ pub enum ReplayError {
     Selection(#[from] SelectionError),
 }
 
-/// How long to wait for news when nothing else is to be done.
-const IDLE: Duration = Duration::from_secs(1);
-
 /// Sends scan after scan when it is due and the door is open, until the recording ends or the launcher says to stop.
 ///
 /// # Errors
@@ -39,108 +32,23 @@ const IDLE: Duration = Duration::from_secs(1);
 pub fn run(bus: &mut Bus, settings: Settings, start: &Start) -> Result<(), ReplayError> {
     let recording = Recording::open(Path::new(&settings.file))?;
     let selection = Selection::of(&recording, settings.choice(bus.run().taken()))?;
-    let count = selection.scans.len() as u64;
-    let total = (!settings.repeat).then_some(count);
+    let drive = Drive {
+        scans: Some(selection.scans.len() as u64),
+        repeats: settings.repeat,
+        // A recording waits, at whatever rate it is played.
+        delivery: Delivery::Lossless,
+        rate: settings.rate,
+        is_paused: settings.paused,
+        span: Some(selection.span()),
+    };
     let mut replay = Replay {
         outputs: bus.outputs_on_demand(&settings.kinds())?,
-        gate: bus.gate(&start.resume, total)?,
         codec: recording.codec().clone(),
-        sought_from: None,
+        done_below: 0,
         selection,
         recording,
     };
-    let (mut failed, mut has_finished, mut is_draining) = (None, false, false);
-    let clock = || {
-        let (now, next) = (Instant::now(), replay.next_nanos());
-        Clock::new(settings.rate, settings.paused, now, next)
-    };
-    bus.playing(replay.playing(&clock()));
-    bus.ready()?;
-    let mut clock = clock();
-    let mut is_held = false;
-    loop {
-        let tick = replay.gate.door().next_tick();
-        let is_over = is_draining || failed.is_some() || total.is_some_and(|total| tick >= total);
-        let due = clock.due(replay.next_nanos());
-        let due = due.filter(|_| !is_over && !is_held);
-        let is_due = due.is_some_and(|due| due <= Instant::now());
-        let wait = match due {
-            Some(due) if !is_due => due.saturating_duration_since(Instant::now()).min(IDLE),
-            Some(_) if replay.gate.door().is_open() => Duration::ZERO,
-            _ => IDLE,
-        };
-        match bus.request(wait)? {
-            Some(Request::Stop(_)) => break,
-            Some(Request::Drain) => is_draining = true,
-            Some(Request::Resend) => replay.resend()?,
-            Some(Request::Play(play)) => {
-                let (now, next) = (Instant::now(), replay.next_nanos());
-                match play {
-                    Play::Pause => clock.pause(now, next),
-                    Play::Stop if !clock.is_paused() => clock.pause(now, next),
-                    Play::Resume if clock.is_paused() => clock.pause(now, next),
-                    Play::Stop | Play::Resume => {}
-                    Play::Step => clock.step(),
-                    Play::Faster => clock.speed(2.0, now, next),
-                    Play::Slower => clock.speed(0.5, now, next),
-                    Play::Rate(rate) => clock.set_rate(rate, now, next),
-                    Play::Seek(nanos) => {
-                        replay.gate.seek(bus, replay.selection.at_or_after(nanos));
-                        replay.sought_from = Some(replay.gate.door().admitted());
-                        clock.jump(now, replay.next_nanos());
-                    }
-                }
-                bus.playing(replay.playing(&clock));
-                continue;
-            }
-            Some(Request::Hold) => {
-                is_held = true;
-                replay.gate.held();
-                continue;
-            }
-            Some(Request::Go) => is_held = false,
-            Some(Request::Begin) | None => {}
-        }
-        replay.gate.hear_done(bus)?;
-        if is_due && replay.gate.door().is_open() && !is_draining {
-            match replay.read(tick) {
-                Ok((scan, topics)) => {
-                    let nanos = replay.selection.scan(tick).1;
-                    let under_way = replay.gate.admit(bus);
-                    clock.played(Instant::now(), nanos, replay.next_nanos());
-                    replay.send(under_way, &scan, &topics)?;
-                    replay.recording.reuse(scan);
-                    let begins_again = settings.repeat && (tick + 1).is_multiple_of(count);
-                    if begins_again {
-                        let next = replay.gate.door().admitted();
-                        let text = format!("begins again: scans are numbered on from {next}");
-                        bus.log(Level::Info, text);
-                    } else if tick + 1 < count && clock.rate().is_some() {
-                        remark_jump(bus, nanos, replay.next_nanos());
-                    }
-                }
-                Err(error) => failed = Some(error.to_string()),
-            }
-        }
-        if is_over && replay.gate.door().is_idle() && !has_finished {
-            has_finished = true;
-            let counts = [("scans", replay.gate.door().admitted())];
-            match &failed {
-                None => bus.finish(&counts),
-                Some(why) => bus.finish_failed(why, &counts),
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Says where the recorded time is none that can be played.
-fn remark_jump(bus: &Bus, nanos: u64, next_nanos: u64) {
-    if jumps(nanos, next_nanos) {
-        let seconds = (next_nanos as i128 - nanos as i128) as f64 / 1e9;
-        let text = format!("recorded time jumps by {seconds:.0} s here, which is not waited for");
-        bus.log(Level::Warn, text);
-    }
+    drive.run(bus, start, &mut replay)
 }
 
 struct Replay {
@@ -148,28 +56,48 @@ struct Replay {
     selection: Selection,
     codec: Codec,
     outputs: Outputs,
-    gate: Gate,
-    /// Number of the first scan let in since the last seek.
-    sought_from: Option<u64>,
+    /// No scan below this number is needed any more.
+    done_below: u64,
+}
+
+impl Driven for Replay {
+    type Scan = (Scan, Vec<Topic>);
+    type Error = ReplayError;
+
+    fn nanos(&self, tick: u64) -> Option<u64> {
+        Some(self.selection.scan(tick).1)
+    }
+
+    fn read_scan(&mut self, _: &Bus, tick: u64) -> Result<Read<Self::Scan>, ReplayError> {
+        Ok(match self.read(tick) {
+            Ok(scan) => Read::Scan(scan),
+            Err(error) => Read::Failed(error.to_string()),
+        })
+    }
+
+    fn read_again(&mut self, _: &Bus, tick: u64) -> Result<Self::Scan, ReplayError> {
+        Ok(self.read(tick)?)
+    }
+
+    fn send_scan(
+        &mut self,
+        _: &Bus,
+        under_way: UnderWay,
+        done_below: u64,
+        (scan, topics): Self::Scan,
+    ) -> Result<(), ReplayError> {
+        self.done_below = done_below;
+        self.send(under_way, &scan, &topics)?;
+        self.recording.reuse(scan);
+        Ok(())
+    }
+
+    fn at_or_after(&self, nanos: u64) -> u64 {
+        self.selection.at_or_after(nanos)
+    }
 }
 
 impl Replay {
-    fn playing(&self, clock: &Clock) -> Playing {
-        let (first, last) = self.selection.span();
-        Playing {
-            is_paused: clock.is_paused(),
-            is_recording: true,
-            rate: clock.rate(),
-            span: Some((first, last)),
-            next_nanos: Some(self.next_nanos()),
-            sought_from: self.sought_from,
-        }
-    }
-
-    fn next_nanos(&self) -> u64 {
-        self.selection.scan(self.gate.door().next_tick()).1
-    }
-
     /// Reads a scan as far as somebody listens, and says to what.
     fn read(&mut self, tick: u64) -> Result<(Scan, Vec<Topic>), ReadError> {
         let (number, _) = self.selection.scan(tick);
@@ -281,18 +209,8 @@ impl Replay {
         Header {
             sequence: under_way.sequence,
             capture_nanos: nanos,
-            done_below: self.gate.door().needed_from(),
+            done_below: self.done_below,
             ..header
         }
-    }
-
-    /// Sends the scans under way once more, the oldest first.
-    fn resend(&mut self) -> Result<(), ReplayError> {
-        for under_way in self.gate.door().to_resend() {
-            let (scan, topics) = self.read(under_way.tick)?;
-            self.send(under_way, &scan, &topics)?;
-            self.recording.reuse(scan);
-        }
-        Ok(())
     }
 }

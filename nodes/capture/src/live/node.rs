@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use messages::bus::{Bell, Bus, Filled, Gate, Level, Outputs, Request, Start};
-use messages::door::UnderWay;
+use messages::bus::{Ahead, Bell, Bus, Drive, Driven, Filled, Level, Outputs, Read, Start};
+use messages::door::{Door, UnderWay};
 use messages::synchronisation::Synchronisation;
 use messages::{Delivery, Header, Image, NONE, Raw};
 
@@ -12,7 +12,7 @@ use super::glance::Glances;
 use super::kept::{Kept, Pace};
 use super::{Way, cameras_of, opener};
 use crate::exposure::Exposure;
-use crate::node::{CaptureError, Pause};
+use crate::node::CaptureError;
 use crate::rectify::{Rectifier, show};
 use crate::synchronise::{Cause, Scan, Synchroniser};
 use crate::{Settings, SourceError};
@@ -29,8 +29,6 @@ const QUIET: Duration = Duration::from_secs(2);
 const EXPOSURE_PATIENCE: u64 = 30;
 /// Looks in a row that must agree on what is wrong with the views.
 const LOOKS: u32 = 3;
-/// How long to wait for news when nothing else is to be done.
-const IDLE: Duration = Duration::from_millis(500);
 
 /// Lets scans in as the cameras take them, until they end or the launcher says to stop.
 pub(crate) fn run(
@@ -49,9 +47,9 @@ pub(crate) fn run(
         Delivery::Lossless => 1,
     };
     let mut cameras = Cameras {
+        way,
+        settings,
         images: bus.outputs(&settings.makes())?,
-        is_raw_asked: settings.raw,
-        gate: bus.gate(&start.resume, settings.scans)?,
         synchroniser: Synchroniser::new(names.len(), (settings.tolerance * 1e6) as u64, WAITING),
         feeds: Vec::new(),
         pace: kept.pace(),
@@ -61,7 +59,9 @@ pub(crate) fn run(
         is_resumed: start.life > 0,
         is_live: delivery == Delivery::Live,
         skip: 0,
+        next: None,
         failed: None,
+        watch: Watch::new(),
         exposure: Exposure::new(names.iter().cloned(), patience),
         // Along a rail views are frames of one camera.
         glances: bus.run().rig.rail.is_none().then(|| {
@@ -75,88 +75,21 @@ pub(crate) fn run(
         },
         names,
     };
-    let mut pause = Pause::default();
-    bus.playing(pause.playing());
-    bus.ready()?;
-    cameras.open(bus, way, settings)?;
-    let total = settings.scans.unwrap_or(u64::MAX);
-    let (mut has_finished, mut is_draining, mut is_held) = (false, false, false);
-    let mut next: Option<Scan<Frame>> = None;
-    let mut watch = Watch::new();
-    loop {
-        let is_over = is_draining
-            || cameras.failed.is_some()
-            || cameras.gate.door().next_tick() >= total
-            || (next.is_none() && cameras.synchroniser.has_ended());
-        let may_wait = !cameras.is_live || is_held;
-        let is_stuck = next.is_some() || is_over;
-        let is_busy = !is_stuck && cameras.has_news();
-        match bus.request(if is_busy { Duration::ZERO } else { IDLE })? {
-            Some(Request::Stop(_)) => break,
-            Some(Request::Drain) => is_draining = true,
-            Some(Request::Resend) => cameras.resend(bus)?,
-            Some(Request::Hold) => {
-                is_held = true;
-                cameras.gate.held();
-            }
-            Some(Request::Go) => is_held = false,
-            Some(Request::Play(play)) => {
-                pause.play(play, Instant::now());
-                bus.playing(pause.playing());
-            }
-            Some(Request::Begin) | None => {}
-        }
-        cameras.hear_done(bus)?;
-        if !is_over {
-            cameras.take_in(bus);
-            while cameras.gate.door().next_tick() < total {
-                let Some(scan) = next.take().or_else(|| cameras.next(bus)) else {
-                    break;
-                };
-                if !is_held && pause.lets_go() && cameras.gate.door().is_open() {
-                    pause.went();
-                    watch.came();
-                    cameras.admit(bus, &scan)?;
-                } else if may_wait {
-                    next = Some(scan);
-                    break;
-                } else {
-                    let cause = match pause.lets_go() {
-                        true => "the door was closed",
-                        false => "it was paused",
-                    };
-                    watch.came();
-                    cameras.gate.refuse(bus, cause);
-                    cameras.pass(&scan)?;
-                }
-            }
-        }
-        let is_paused = is_held || !pause.lets_go() || next.is_some();
-        watch.look(bus, &cameras, is_over || is_paused);
-        cameras.say_glances(bus, is_over);
-        if is_over && cameras.gate.door().is_idle() && !has_finished {
-            has_finished = true;
-            if next.take().is_some() {
-                cameras.synchroniser.take_back();
-            }
-            cameras.synchroniser.finish();
-            bus.synchronised(cameras.account());
-            let counts = [("scans", cameras.gate.door().admitted())];
-            match &cameras.failed {
-                None => bus.finish(&counts),
-                Some(why) => bus.finish_failed(why, &counts),
-            }
-        }
-    }
-    Ok(())
+    let drive = Drive {
+        scans: settings.scans,
+        delivery,
+        ..Drive::default()
+    };
+    drive.run(bus, start, &mut cameras)
 }
 
-struct Cameras {
+struct Cameras<'a> {
+    way: Way,
+    settings: &'a Settings,
     names: Vec<String>,
     feeds: Vec<Feed>,
     synchroniser: Synchroniser<Frame>,
     images: Outputs,
-    gate: Gate,
     kept: Kept,
     pace: Pace,
     /// Frames that each camera lost itself.
@@ -168,13 +101,14 @@ struct Cameras {
     is_live: bool,
     /// Scans of a file that went in before this process took over.
     skip: u64,
+    /// The scan ahead.
+    next: Option<Scan<Frame>>,
     failed: Option<String>,
+    watch: Watch,
     exposure: Exposure,
     glances: Option<Glances>,
     /// Frames are kept as they came, and rectified when they go out.
     rectifier: Option<Rectifier>,
-    /// Whether images are published as they were taken too.
-    is_raw_asked: bool,
     motion: Motion,
 }
 
@@ -198,13 +132,21 @@ impl Motion {
     }
 }
 
-impl Cameras {
-    fn open(&mut self, bus: &Bus, way: Way, settings: &Settings) -> Result<(), CaptureError> {
-        for (view, camera) in cameras_of(way, settings)?.iter().enumerate() {
+impl Driven for Cameras<'_> {
+    type Scan = Scan<Frame>;
+    type Error = CaptureError;
+
+    /// Cameras take scans when they like.
+    fn nanos(&self, _: u64) -> Option<u64> {
+        None
+    }
+
+    fn begin(&mut self, bus: &Bus) -> Result<(), CaptureError> {
+        for (view, camera) in cameras_of(self.way, self.settings)?.iter().enumerate() {
             let name = &self.names[view];
-            let open: Open = match way {
+            let open: Open = match self.way {
                 Way::Bus => super::bus::opener(bus.run().clone(), view),
-                _ => opener(way, camera, settings, self.is_live)?,
+                _ => opener(self.way, camera, self.settings, self.is_live)?,
             };
             let (run, node) = (bus.run().clone(), bus.name().to_owned());
             let ring = move || {
@@ -214,7 +156,7 @@ impl Cameras {
             let feed = Feed::start(name, open, !self.is_live, ring);
             self.feeds.push(feed.map_err(SourceError::Thread)?);
         }
-        if way == Way::Bus {
+        if self.way == Way::Bus {
             let (size, views) = (bus.run().rig.size, self.names.join(", "));
             let text = format!(
                 "waiting for frames of {views}, {size}: publish them to {}",
@@ -225,6 +167,140 @@ impl Cameras {
         Ok(())
     }
 
+    fn ahead(&mut self, bus: &Bus, door: &Door) -> Result<Ahead, CaptureError> {
+        loop {
+            if self.failed.is_none() {
+                self.take_in(bus, door);
+            }
+            if self.next.is_some() {
+                return Ok(Ahead::Scan);
+            }
+            if let Some(scan) = self.next_scan() {
+                let nanos = scan.nanos;
+                self.next = Some(scan);
+                if std::mem::take(&mut self.is_resumed) {
+                    let missed = self.pace.missed(nanos);
+                    return Ok(Ahead::Missed("capture was restarted", missed));
+                }
+                return Ok(Ahead::Scan);
+            }
+            if let Some(why) = &self.failed {
+                return Ok(Ahead::Failed(why.clone()));
+            }
+            if self.synchroniser.has_ended() {
+                return Ok(Ahead::End);
+            }
+            // What makes room for a file's frame rings for none.
+            if !self.has_news() {
+                return Ok(Ahead::Nothing);
+            }
+        }
+    }
+
+    fn read_scan(&mut self, bus: &Bus, tick: u64) -> Result<Read<Scan<Frame>>, CaptureError> {
+        let Some(scan) = self.next.take() else {
+            let why = "the cameras' next scan was asked for before it came".to_owned();
+            return Ok(Read::Failed(why));
+        };
+        // Whoever takes the place of this process must find it.
+        let io = SourceError::io(&bus.run().root);
+        self.kept.keep(tick, &scan).map_err(io)?;
+        self.came(&scan)?;
+        for (view, frame) in scan.frames.iter().enumerate() {
+            if let Some(doubt) = self.exposure.look(view, &frame.pixels) {
+                bus.doubt(doubt);
+            }
+        }
+        if let Some(glances) = self.glances.as_mut().filter(|glances| glances.is_due()) {
+            let size = bus.run().rig.size;
+            let shown = scan.frames.iter().enumerate().map(|(view, frame)| {
+                let mut pixels = vec![0; frame.pixels.len()];
+                show(self.rectifier.as_ref(), view, &frame.pixels, &mut pixels);
+                pixels
+            });
+            glances.begin(shown.collect(), size);
+        }
+        Ok(Read::Scan(scan))
+    }
+
+    fn read_again(&mut self, bus: &Bus, tick: u64) -> Result<Scan<Frame>, CaptureError> {
+        let io = SourceError::io(&bus.run().root);
+        Ok(self.kept.read(tick).map_err(io)?)
+    }
+
+    fn send_scan(
+        &mut self,
+        bus: &Bus,
+        under_way: UnderWay,
+        done_below: u64,
+        scan: Scan<Frame>,
+    ) -> Result<(), CaptureError> {
+        let rig = &bus.run().rig;
+        for (view, frame) in scan.frames.iter().enumerate() {
+            let header = Header {
+                view: view as u32,
+                position_m: match rig.rail {
+                    Some(_) => frame.position_m,
+                    None => rig.position_m(view, frame.size),
+                },
+                done_below,
+                ..Header::new(under_way.sequence, scan.nanos, frame.size)
+            };
+            let mut loan = self.images.loan::<Image>(view as u32, NONE)?;
+            let filled = {
+                let mut room = loan.room()?;
+                let out = room.pixels.grow(frame.pixels.len());
+                show(self.rectifier.as_ref(), view, &frame.pixels, out);
+                Filled::of::<Image>(&room)
+            };
+            self.images.publish(loan, &header, filled)?;
+            if self.settings.raw {
+                let mut loan = self.images.loan::<Raw>(view as u32, NONE)?;
+                let filled = {
+                    let mut room = loan.room()?;
+                    room.pixels.extend_from_slice(&frame.pixels);
+                    Filled::of::<Raw>(&room)
+                };
+                self.images.publish(loan, &header, filled)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn pass_by(&mut self) -> Result<(), CaptureError> {
+        match self.next.take() {
+            Some(scan) => self.came(&scan),
+            None => Ok(()),
+        }
+    }
+
+    fn came_out(&mut self, door: &Door) {
+        let needed = door.to_resend();
+        let needed: Vec<u64> = needed.into_iter().map(|scan| scan.tick).collect();
+        self.kept.forget_all_but(|tick| needed.contains(&tick));
+    }
+
+    fn look(&mut self, bus: &Bus, rests: bool) {
+        if self.watch.is_due() {
+            let account = self.account();
+            let rests = rests || self.next.is_some();
+            let why = || self.synchroniser.why(&self.names);
+            self.watch.look(bus, account, why, rests);
+        }
+        self.say_glances(bus, false);
+    }
+
+    fn finish(&mut self, bus: &Bus) {
+        self.say_glances(bus, true);
+        if self.next.take().is_some() {
+            self.synchroniser.take_back();
+        }
+        self.synchroniser.finish();
+        bus.synchronised(self.account());
+    }
+}
+
+impl Cameras<'_> {
     fn has_news(&self) -> bool {
         let mut feeds = self.feeds.iter().enumerate();
         feeds.any(|(camera, feed)| !feed.news.is_empty() && self.may_take(camera))
@@ -236,7 +312,7 @@ impl Cameras {
     }
 
     /// Takes in what the cameras have sent.
-    fn take_in(&mut self, bus: &Bus) {
+    fn take_in(&mut self, bus: &Bus, door: &Door) {
         for camera in 0..self.feeds.len() {
             let overrun = self.feeds[camera].overrun();
             self.synchroniser.refuse(camera, overrun, Cause::Overrun);
@@ -249,18 +325,18 @@ impl Cameras {
             while self.may_take(camera)
                 && let Ok(news) = self.feeds[camera].news.try_recv()
             {
-                self.take(bus, camera, news);
+                self.take(bus, door, camera, news);
             }
         }
     }
 
-    fn take(&mut self, bus: &Bus, camera: usize, news: News) {
+    fn take(&mut self, bus: &Bus, door: &Door, camera: usize, news: News) {
         let name = &self.names[camera];
         match news {
             News::Opened { is_live } => {
                 // A file is read from its beginning: what went in before is passed over.
                 if !is_live && self.is_resumed {
-                    self.skip = self.gate.door().next_tick();
+                    self.skip = door.next_tick();
                     self.is_resumed = false;
                 }
             }
@@ -308,42 +384,13 @@ impl Cameras {
         }
     }
 
-    /// The next scan that is to go in.
-    fn next(&mut self, bus: &Bus) -> Option<Scan<Frame>> {
-        let mut scan = self.synchroniser.next_scan()?;
+    /// The next scan of the cameras, beyond those of a file that went in before.
+    fn next_scan(&mut self) -> Option<Scan<Frame>> {
         while self.skip > 0 {
+            self.synchroniser.next_scan()?;
             self.skip -= 1;
-            scan = self.synchroniser.next_scan()?;
         }
-        if std::mem::take(&mut self.is_resumed) {
-            let missed = self.pace.missed(scan.nanos);
-            self.gate.refuse_scans(bus, "capture was restarted", missed);
-        }
-        Some(scan)
-    }
-
-    fn admit(&mut self, bus: &Bus, scan: &Scan<Frame>) -> Result<(), CaptureError> {
-        // Whoever takes the place of this process must find it.
-        let tick = self.gate.door().next_tick();
-        let io = SourceError::io(&bus.run().root);
-        self.kept.keep(tick, scan).map_err(io)?;
-        self.pass(scan)?;
-        for (view, frame) in scan.frames.iter().enumerate() {
-            if let Some(doubt) = self.exposure.look(view, &frame.pixels) {
-                bus.doubt(doubt);
-            }
-        }
-        if let Some(glances) = self.glances.as_mut().filter(|glances| glances.is_due()) {
-            let size = bus.run().rig.size;
-            let shown = scan.frames.iter().enumerate().map(|(view, frame)| {
-                let mut pixels = vec![0; frame.pixels.len()];
-                show(self.rectifier.as_ref(), view, &frame.pixels, &mut pixels);
-                pixels
-            });
-            glances.begin(shown.collect(), size);
-        }
-        let under_way = self.gate.admit(bus);
-        self.send(bus, under_way, scan)
+        self.synchroniser.next_scan()
     }
 
     /// Says what looks at the views found.
@@ -358,65 +405,11 @@ impl Cameras {
     }
 
     /// Notes when a scan came.
-    fn pass(&mut self, scan: &Scan<Frame>) -> Result<(), CaptureError> {
+    fn came(&mut self, scan: &Scan<Frame>) -> Result<(), CaptureError> {
+        self.watch.came();
         self.pace.advance(scan.nanos);
         let io = SourceError::io(std::path::Path::new("the run's folder"));
         Ok(self.kept.keep_pace(self.pace).map_err(io)?)
-    }
-
-    fn send(&self, bus: &Bus, under_way: UnderWay, scan: &Scan<Frame>) -> Result<(), CaptureError> {
-        let rig = &bus.run().rig;
-        let done_below = self.gate.door().needed_from();
-        for (view, frame) in scan.frames.iter().enumerate() {
-            let header = Header {
-                view: view as u32,
-                position_m: match rig.rail {
-                    Some(_) => frame.position_m,
-                    None => rig.position_m(view, frame.size),
-                },
-                done_below,
-                ..Header::new(under_way.sequence, scan.nanos, frame.size)
-            };
-            let mut loan = self.images.loan::<Image>(view as u32, NONE)?;
-            let filled = {
-                let mut room = loan.room()?;
-                let out = room.pixels.grow(frame.pixels.len());
-                show(self.rectifier.as_ref(), view, &frame.pixels, out);
-                Filled::of::<Image>(&room)
-            };
-            self.images.publish(loan, &header, filled)?;
-            if self.is_raw_asked {
-                let mut loan = self.images.loan::<Raw>(view as u32, NONE)?;
-                let filled = {
-                    let mut room = loan.room()?;
-                    room.pixels.extend_from_slice(&frame.pixels);
-                    Filled::of::<Raw>(&room)
-                };
-                self.images.publish(loan, &header, filled)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Sends the scans under way once more, and those they depend on, the oldest first.
-    fn resend(&mut self, bus: &Bus) -> Result<(), CaptureError> {
-        for under_way in self.gate.door().to_resend() {
-            let io = SourceError::io(&bus.run().root);
-            let scan = self.kept.read(under_way.tick).map_err(io)?;
-            self.send(bus, under_way, &scan)?;
-        }
-        Ok(())
-    }
-
-    fn hear_done(&mut self, bus: &Bus) -> Result<(), CaptureError> {
-        let done = self.gate.door().done_count();
-        self.gate.hear_done(bus)?;
-        if self.gate.door().done_count() > done {
-            let needed = self.gate.door().to_resend();
-            let needed: Vec<u64> = needed.into_iter().map(|scan| scan.tick).collect();
-            self.kept.forget_all_but(|tick| needed.contains(&tick));
-        }
-        Ok(())
     }
 
     fn account(&self) -> Synchronisation {
@@ -453,19 +446,25 @@ impl Watch {
         self.last = Instant::now();
     }
 
-    fn look(&mut self, bus: &Bus, cameras: &Cameras, is_waiting: bool) {
+    fn is_due(&self) -> bool {
+        Instant::now() >= self.next
+    }
+
+    fn look(
+        &mut self,
+        bus: &Bus,
+        account: Synchronisation,
+        why_none: impl Fn() -> String,
+        rests: bool,
+    ) {
         let now = Instant::now();
-        if now < self.next {
-            return;
-        }
         self.next = now + LOOK_EVERY;
-        if is_waiting {
+        if rests {
             // Nobody waits for the cameras: whether scans come again is not known, and not said.
             self.last = now;
             self.said = None;
         }
         let silent = now - self.last;
-        let account = cameras.account();
         let received = account.cameras.iter().map(|camera| camera.received).sum();
         if received != self.received.0 {
             self.received = (received, now);
@@ -473,7 +472,7 @@ impl Watch {
         let is_quiet = received > 0 && now - self.received.1 >= QUIET;
         let why = (silent >= PATIENCE).then(|| match is_quiet {
             true => "no camera sends anything any more".to_owned(),
-            false => cameras.synchroniser.why(&cameras.names),
+            false => why_none(),
         });
         match (&why, &self.said) {
             (Some(why), None) => {

@@ -1,11 +1,11 @@
-//! When the next scan is due.
+//! When a source's next scan is due.
 
 use std::time::{Duration, Instant};
 
 /// Nanoseconds between scans that are no wait any more but another time.
 const LONGEST_WAIT: i128 = 3600 * 1_000_000_000;
 
-/// Maps the recording's time to now: at a rate, with pauses, or in lockstep, when everything is due at once.
+/// Maps a source's time to now: at a rate, with pauses, or in lockstep, when everything is due at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
     rate: Option<f64>,
@@ -17,7 +17,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A clock that shows `nanos` of the recording's time now.
+    /// A clock that shows `nanos` of the source's time now.
     pub fn new(rate: Option<f64>, paused: bool, now: Instant, nanos: u64) -> Self {
         Self {
             rate,
@@ -41,13 +41,18 @@ impl Clock {
         }
     }
 
-    /// A scan of this time went out, and one of that time is next. Where time goes back or far ahead between them, as where a
-    /// clock was set or a recording begins again, the next one is due at once.
+    /// A scan of this time went out, and one of that time is next.
     pub fn played(&mut self, now: Instant, nanos: u64, next_nanos: u64) {
         if self.steps > 0 {
             self.steps -= 1;
             self.anchor = (now, nanos);
         }
+        self.passed(now, nanos, next_nanos);
+    }
+
+    /// A scan of this time went out or was left out, and one of that time is next. Where time goes back or far ahead between
+    /// them, as where a clock was set or a recording begins again, the next one is due at once.
+    pub fn passed(&mut self, now: Instant, nanos: u64, next_nanos: u64) {
         if jumps(nanos, next_nanos) {
             self.anchor = (now, next_nanos);
         }
@@ -65,7 +70,7 @@ impl Clock {
         self.steps += 1;
     }
 
-    /// Changes the rate by a factor; from lockstep to the recording's own.
+    /// Changes the rate by a factor; from lockstep to the source's own.
     pub fn speed(&mut self, factor: f64, now: Instant, next_nanos: u64) {
         let rate = self.rate.map_or(1.0, |rate| rate * factor);
         self.set_rate(rate, now, next_nanos);
@@ -91,10 +96,15 @@ impl Clock {
     pub fn is_paused(&self) -> bool {
         self.paused
     }
+
+    /// Whether it is paused and lets no scan through.
+    pub fn stands(&self) -> bool {
+        self.paused && self.steps == 0
+    }
 }
 
 /// Whether the time from a scan to the next is none that anybody waited.
-pub(crate) fn jumps(nanos: u64, next_nanos: u64) -> bool {
+pub fn jumps(nanos: u64, next_nanos: u64) -> bool {
     !(0..=LONGEST_WAIT).contains(&(next_nanos as i128 - nanos as i128))
 }
 
