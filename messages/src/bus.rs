@@ -18,10 +18,13 @@
 //! they then end by themselves.
 
 mod ask;
+mod book;
 mod control;
 mod descriptors;
 mod doctor;
+mod done;
 mod drive;
+mod error;
 mod frames;
 mod gate;
 mod guest;
@@ -29,25 +32,22 @@ mod inputs;
 mod meter;
 mod outputs;
 mod ports;
+mod reports;
+mod run;
 mod tuned;
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
-use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crossbeam::channel::{Receiver, Select};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::change::Change;
-use crate::header::{Header, Sway};
-use crate::ledger::{Account, Ledger, Seen, Shard};
+use crate::ledger::{Ledger, Seen};
 use crate::payload::Kind;
-use crate::rig::{Delivery, Rig};
 use crate::synchronisation::Synchronisation;
 use crate::topic::Topic;
 
@@ -58,286 +58,22 @@ pub use ask::{
 pub use control::{Command, Event, Level, Log, NodeReport, Play, Playing, Progress};
 pub use descriptors::OpenFiles;
 pub use doctor::Doctor;
+pub use done::Finisher;
 pub use drive::{Ahead, Drive, Driven, Read};
+pub use error::{BusError, has_failed};
 pub use frames::{FrameIn, FramesIn, FramesOut};
 pub use guest::{Guest, Hearer, LOOK_EVERY, Reports};
 pub use inputs::{Inputs, Joined, Joins, Received};
 pub use meter::{Meter, Percentiles};
 pub use outputs::{Filled, Loan, Outputs};
+pub use ports::Bell;
+pub use reports::ReportsIn;
+pub use run::{NodePlan, Run, Start, node_of};
 pub use tuned::Tuned;
 
+use book::Book;
+use done::Dones;
 use ports::Ports;
-
-/// One node of a run, as the others need to know it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct NodePlan {
-    /// Its name, unique in the run: of further instances of a node with their number, as in `match.2`.
-    pub name: String,
-    /// Which scans are its own.
-    #[serde(default)]
-    pub shard: Shard,
-    /// The kinds of message it takes in.
-    pub takes: Vec<Kind>,
-    /// The kinds of message it makes.
-    pub makes: Vec<Kind>,
-    /// Whether a scan is done only when this node says so.
-    pub finishes: bool,
-}
-
-/// The node that this name is an instance of.
-pub fn node_of(name: &str) -> &str {
-    name.split_once('.').map_or(name, |(node, _)| node)
-}
-
-/// One run of a graph: what every process of it must know to meet the others and nobody else.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Run {
-    /// Folder of the run, private to the user; the bus keeps its files there.
-    pub root: PathBuf,
-    /// What the names of the run's shared memory begin with.
-    pub prefix: String,
-    /// Views, channels, sizes.
-    pub rig: Rig,
-    /// What happens to a scan that finds the door closed.
-    pub delivery: Delivery,
-    /// Whether scans come from cameras, of whose frames there is an account.
-    #[serde(default)]
-    pub cameras: bool,
-    /// How many scans may be under way.
-    pub in_flight: usize,
-    /// All nodes, in the order of the pipe.
-    pub nodes: Vec<NodePlan>,
-}
-
-impl Run {
-    /// Messages a subscriber's buffer holds: more than two windows, since a resend can double what is under way.
-    pub fn buffer(&self) -> usize {
-        2 * (self.in_flight + self.rig.reach() as usize) + 4
-    }
-
-    /// The kinds of message that this node takes of those that are made, in the order of the pipe.
-    pub fn taken_by(&self, name: &str) -> Vec<Kind> {
-        let node = self.nodes.iter().find(|node| node.name == name);
-        let mut kinds = self.kinds();
-        kinds.retain(|kind| node.is_some_and(|node| node.takes.contains(kind)));
-        kinds
-    }
-
-    /// The kinds of message that some node takes, in the order of the pipe.
-    pub fn taken(&self) -> Vec<Kind> {
-        let is_taken = |kind: &Kind| self.takers(*kind).next().is_some();
-        Kind::all().filter(is_taken).collect()
-    }
-
-    /// The kinds of message that are made, in the order of the pipe.
-    pub fn kinds(&self) -> Vec<Kind> {
-        let is_made = |kind: &Kind| self.nodes.iter().any(|n| n.makes.contains(kind));
-        Kind::all().filter(is_made).collect()
-    }
-
-    /// Whether some node has several instances, whose results overtake each other.
-    pub fn is_sharded(&self) -> bool {
-        self.nodes.iter().any(|node| !node.shard.is_all())
-    }
-
-    /// The shards in which messages of this kind are made: one an instance, each with a service of its own.
-    fn shards_of(&self, kind: Kind) -> impl Iterator<Item = Shard> + '_ {
-        let makers = self.nodes.iter().filter(move |n| n.makes.contains(&kind));
-        makers.map(|node| node.shard)
-    }
-
-    /// The nodes that take this kind of message.
-    fn takers(&self, kind: Kind) -> impl Iterator<Item = &NodePlan> {
-        self.nodes.iter().filter(move |n| n.takes.contains(&kind))
-    }
-
-    /// Bytes of shared memory that all scans under way need in the worst case, every pixel a zero-crossing.
-    pub fn worst_case_bytes(&self) -> u64 {
-        let size = self.rig.size;
-        let words = |kind: Kind| kind.definition().words(size) as u64 * 8;
-        let topics = self.kinds().into_iter();
-        let topics = topics.flat_map(|kind| Topic::of(&self.rig, kind));
-        let scan: u64 = topics.map(|topic| words(topic.kind)).sum();
-        scan * (self.in_flight as u64 + self.rig.reach())
-    }
-}
-
-/// What a node is told when its process starts.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Start {
-    /// How many times it was started before in this run.
-    pub life: u32,
-    /// How far the scans had come when it was started.
-    pub resume: Progress,
-    /// The run's whole effective configuration: the graph's keys and every node's.
-    pub configuration: serde_json::Value,
-    /// The graph as a Mermaid diagram.
-    pub graph: String,
-    /// The names of the source's scans, where they have some.
-    pub scans: Vec<String>,
-    /// Where a rail's frames were taken, in the source's own steps, where it had to look at all of them to know.
-    pub places: Vec<f64>,
-    /// By how much each of a rail's frames is off, where it was looked at.
-    pub sway: Vec<Sway>,
-    /// Settings that hold otherwise from a scan on.
-    pub changes: Vec<Change>,
-}
-
-/// Why the bus failed.
-#[derive(Debug, thiserror::Error)]
-pub enum BusError {
-    /// A port or service could not be made.
-    #[error("the bus could not {what}: {cause}")]
-    Port {
-        /// What it tried.
-        what: String,
-        /// What iceoryx2 said.
-        cause: String,
-    },
-    /// A message's lengths or indices do not fit.
-    #[error("scan {sequence} of {topic} is damaged: its lengths or indices do not fit")]
-    Damaged {
-        /// The topic.
-        topic: String,
-        /// The scan.
-        sequence: u64,
-    },
-    /// So many listen already that there is room for nobody else.
-    #[error(
-        "a run has room for {0} listeners beside its own nodes, and they are there already: end a viewer, a recorder, a \
-         `top` or a `topic`"
-    )]
-    Full(usize),
-    /// The node is not in the run's plan.
-    #[error("the run has no node named {0}")]
-    Unknown(String),
-}
-
-/// Whether the bus failed in this process, of which it is a part at most once.
-static HAS_FAILED: AtomicBool = AtomicBool::new(false);
-
-/// Whether it was the bus that failed in this process: then another one in its place may fare better.
-pub fn has_failed() -> bool {
-    HAS_FAILED.load(Ordering::Relaxed)
-}
-
-impl BusError {
-    fn port(what: impl Into<String>, cause: impl std::fmt::Debug) -> Self {
-        HAS_FAILED.store(true, Ordering::Relaxed);
-        Self::Port {
-            what: what.into(),
-            cause: format!("{cause:?}"),
-        }
-    }
-}
-
-/// A node's account of one topic, as it goes.
-#[derive(Debug, Default)]
-struct Tally {
-    received: Option<Seen>,
-    published: Option<Seen>,
-    duplicates: u64,
-    dropped: BTreeMap<String, u64>,
-}
-
-/// What a node counts, shared by its ports.
-#[derive(Debug, Default)]
-struct Book {
-    /// The scans that are the node's own: what is seen is counted by its place among them.
-    shard: Shard,
-    topics: BTreeMap<String, Tally>,
-    /// Scans this node has said to be done, if it is one that says so.
-    done: Option<Seen>,
-    /// Bytes of what all published messages hold.
-    bytes: u64,
-    /// Scans below this one went through the node whose place this one takes.
-    done_below: u64,
-    /// Whether it takes the place of one that died.
-    is_successor: bool,
-    meter: Meter,
-    synchronisation: Option<Box<Synchronisation>>,
-    warnings: Vec<String>,
-    /// When the node was handed its last message or published its last one.
-    mark: Option<Instant>,
-}
-
-impl Book {
-    fn tally(&mut self, topic: &str) -> &mut Tally {
-        self.topics.entry(topic.to_owned()).or_default()
-    }
-
-    /// Keeps account of a topic that is taken in.
-    fn take_in(&mut self, topic: &str) {
-        let done_below = self.shard.below(self.done_below);
-        self.tally(topic)
-            .received
-            .get_or_insert_default()
-            .advance(done_below);
-    }
-
-    /// Keeps account of a topic that is published.
-    fn send_out(&mut self, topic: &str) {
-        let done_below = self.shard.below(self.done_below);
-        self.tally(topic)
-            .published
-            .get_or_insert_default()
-            .advance(done_below);
-        self.meter.expect_one_more();
-    }
-
-    fn received(&mut self, topic: &str, header: &Header) -> bool {
-        self.advance(header.done_below);
-        let place = self.shard.below(header.sequence);
-        let tally = self.tally(topic);
-        let is_new = tally.received.get_or_insert_default().insert(place);
-        tally.duplicates += u64::from(!is_new);
-        is_new
-    }
-
-    fn published(&mut self, topic: &str, sequence: u64) {
-        let place = self.shard.below(sequence);
-        let tally = self.tally(topic);
-        tally.published.get_or_insert_default().insert(place);
-    }
-
-    fn finished(&mut self, sequence: u64) {
-        let place = self.shard.below(sequence);
-        self.done.get_or_insert_default().insert(place);
-    }
-
-    /// What was done before a successor had its ports it never sees, and nobody sends it again.
-    fn advance(&mut self, done_below: u64) {
-        if self.is_successor && done_below > self.done_below {
-            self.done_below = done_below;
-            let done_below = self.shard.below(done_below);
-            if let Some(done) = &mut self.done {
-                done.advance(done_below);
-            }
-            for tally in self.topics.values_mut() {
-                let sets = [&mut tally.received, &mut tally.published];
-                for seen in sets.into_iter().flatten() {
-                    seen.advance(done_below);
-                }
-            }
-        }
-    }
-
-    fn accounts(&self) -> BTreeMap<String, Account> {
-        let account = |tally: &Tally| Account {
-            shard: self.shard,
-            received: tally.received.as_ref().map(Seen::count),
-            published: tally.published.as_ref().map(Seen::count),
-            duplicates: tally.duplicates,
-            dropped: tally.dropped.clone(),
-            missing: {
-                let places = tally.received.iter().flat_map(Seen::missing);
-                places.map(|place| self.shard.nth(place)).collect()
-            },
-        };
-        let entry = |(name, tally): (&String, &Tally)| (name.clone(), account(tally));
-        self.topics.iter().map(entry).collect()
-    }
-}
 
 /// What the launcher asked of a node between two messages.
 #[derive(Clone, Debug, PartialEq)]
@@ -838,147 +574,4 @@ pub fn complain(level: Level, node: &str, text: impl Into<String>) {
         node: node.to_owned(),
         text: text.into(),
     }));
-}
-
-/// Says that scans are done.
-pub struct Finisher {
-    book: Rc<RefCell<Book>>,
-    publisher: ports::DataPublisher,
-    doors: Vec<Bell>,
-    index: u64,
-}
-
-impl std::fmt::Debug for Finisher {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Finisher")
-            .field("index", &self.index)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Finisher {
-    /// This node is done with the scan.
-    ///
-    /// # Errors
-    /// When the publisher fails.
-    pub fn done(&self, sequence: u64) -> Result<(), BusError> {
-        let header = Header {
-            sequence,
-            ..Header::default()
-        };
-        ports::send_words(&self.publisher, &header, &[self.index])?;
-        self.doors.iter().for_each(Bell::ring);
-        self.book.borrow_mut().finished(sequence);
-        Ok(())
-    }
-}
-
-/// Hears which scans are done.
-struct Dones {
-    subscriber: Rc<ports::DataSubscriber>,
-    /// Who says so, and of which scans.
-    finishers: Vec<(u64, Shard)>,
-    heard: BTreeMap<u64, Vec<u64>>,
-}
-
-impl std::fmt::Debug for Dones {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Dones")
-            .field("heard", &self.heard)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Dones {
-    /// The next scan that all finishers have said to be done, possibly one that was said before.
-    fn receive(&mut self) -> Result<Option<u64>, BusError> {
-        while let Some((header, finisher)) = ports::receive_word(&self.subscriber)? {
-            let heard = self.heard.entry(header.sequence).or_default();
-            if !heard.contains(&finisher) {
-                heard.push(finisher);
-            }
-            let mut asked = self.finishers.iter();
-            if asked.all(|(f, shard)| !shard.owns(header.sequence) || heard.contains(f)) {
-                self.heard.remove(&header.sequence);
-                return Ok(Some(header.sequence));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Forgets what was said of scans below this number.
-    fn forget_below(&mut self, sequence: u64) {
-        self.heard = self.heard.split_off(&sequence);
-    }
-}
-
-/// Hears what all nodes report.
-pub struct ReportsIn {
-    subscriber: ports::TextSubscriber,
-}
-
-impl std::fmt::Debug for ReportsIn {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ReportsIn").finish_non_exhaustive()
-    }
-}
-
-impl ReportsIn {
-    /// The next thing a node said.
-    ///
-    /// # Errors
-    /// When the subscriber fails.
-    pub fn receive(&mut self) -> Result<Option<Event>, BusError> {
-        while let Some(text) = ports::receive_text(&self.subscriber)? {
-            if let Ok(event) = serde_json::from_str(&text) {
-                return Ok(Some(event));
-            }
-        }
-        Ok(None)
-    }
-}
-
-impl Ledger {
-    /// Takes in what a node reports; gives back what is no account.
-    pub fn hear(&mut self, event: Event) -> Option<Event> {
-        match event {
-            Event::Report(report) | Event::Finished(report) => {
-                self.nodes.insert(report.node, report.topics);
-            }
-            Event::Progress(progress) => {
-                self.admitted = progress.admitted;
-                self.done = progress.done;
-                self.refused = progress.refused;
-            }
-            other => return Some(other),
-        }
-        None
-    }
-}
-
-pub use ports::Bell;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_successor_counts_as_done_what_its_predecessor_did() {
-        let mut done = Seen::default();
-        done.advance(5);
-        let mut book = Book {
-            done: Some(done),
-            done_below: 5,
-            is_successor: true,
-            ..Book::default()
-        };
-        book.advance(9);
-        let count = |book: &Book| book.done.as_ref().map(Seen::count);
-        assert_eq!(count(&book), Some(9));
-        // Said twice, as after a resend, it counts once.
-        for sequence in [9, 9, 10] {
-            book.finished(sequence);
-        }
-        assert_eq!(count(&book), Some(11));
-    }
 }
