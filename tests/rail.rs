@@ -212,6 +212,34 @@ fn a_part_of_a_rail_is_verified_with_the_frames_before_it_or_not_at_all() {
 }
 
 #[test]
+fn a_replay_computes_what_takes_from_its_cut_and_plays_the_rest() {
+    let world = World::new();
+    let rail = ["--source", "scene:tab", "--set", "capture.mode=rail"];
+    let run = ["run", "--scans", "8", "--record", "x.mcap"];
+    world.run(&[&run[..], &rail].concat()).done();
+    let computed = |cut: &[&str]| -> Vec<String> {
+        let ran = world.run(&[&["replay", "x.mcap", "--verify", "--json"], cut].concat());
+        let topics = ran.done().json()["verified"]["topics"].clone();
+        topics.as_object().unwrap().keys().cloned().collect()
+    };
+    // Map and evaluation both take points, and neither takes the other's.
+    assert_eq!(computed(&["--from", "map"]), ["map", "map/growing"]);
+    assert_eq!(computed(&["--from", "evaluate"]), ["evaluation"]);
+    let evaluated = computed(&["--from", "match", "--to", "evaluate"]);
+    let told = [
+        "disparity",
+        "evaluation",
+        "matches/0.8",
+        "matches/2.2",
+        "points",
+    ];
+    assert_eq!(evaluated, told);
+    let ran = world.run(&["replay", "x.mcap", "--from", "map", "--to", "evaluate"]);
+    assert_eq!(ran.code, Some(2), "{ran:?}");
+    assert!(ran.err.contains("nothing would be computed"), "{ran:?}");
+}
+
+#[test]
 fn a_part_of_a_rail_is_compared_with_the_frames_before_it_and_without_its_map() {
     let world = World::new();
     let rail = world.small_rail("rail", 0..12);

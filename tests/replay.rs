@@ -57,7 +57,7 @@ fn what_is_set_of_a_node_that_has_no_part_in_the_replay_is_refused_with_the_way(
         ),
         (
             ["--to", "hough", "--set", "match.gap=2"],
-            "match.gap is set, but a replay to hough ends before match: replay --to match",
+            "match.gap is set, but a replay to hough does not compute match: replay --to match",
         ),
         (
             ["--from", "match", "--set", "record.views=false"],

@@ -516,7 +516,7 @@ fn why_not(args: &Args, node: &str) -> Option<String> {
         ),
         (Some(_), _) => match after {
             Some(to) => format!(
-                "a replay to {} computes no {node}, which it does not need: replay --to {node}",
+                "a replay to {} does not compute {node}: replay --to {node}",
                 to.name()
             ),
             None => format!("the recording was made without {node}"),
