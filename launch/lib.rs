@@ -51,6 +51,8 @@ mod commands;
 #[cfg(feature = "program")]
 mod fold;
 #[cfg(feature = "program")]
+mod former;
+#[cfg(feature = "program")]
 mod graph;
 #[cfg(feature = "program")]
 mod instances;
