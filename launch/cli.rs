@@ -905,12 +905,12 @@ pub(crate) enum ParamCommand {
     List,
     /// The value of one
     Get {
-        /// As match.score
+        /// As match.curves.score
         name: String,
     },
     /// Set some, all or none of them; it is told from which scan on they hold
     Set {
-        /// As match.score=0.6, or track.high=automatic
+        /// As match.curves.score=0.6, or track.high=automatic
         #[arg(required = true, value_name = "NODE.KEY=VALUE")]
         values: Vec<String>,
     },

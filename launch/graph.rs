@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 
 use crate::profile::Profile;
 use crate::registry::{self, NodeType};
-use crate::{Failure, instances};
+use crate::{Failure, former, instances};
 
 const BUILT_IN: &str = include_str!("default.toml");
 
@@ -113,7 +113,7 @@ impl Graph {
                     return Err(format!("[{name}] must be a table"));
                 };
                 if let Value::Object(whole) = &mut whole {
-                    for (key, value) in given {
+                    for (key, value) in flat(given) {
                         if key == instances::KEY.name && instances::may_have(name) {
                             counts.insert(name.to_owned(), instances::parsed(name, &value)?);
                             continue;
@@ -463,6 +463,17 @@ impl Graph {
     }
 }
 
+/// A table's keys, those of tables in it by both names: `[match.curves] score` is `curves.score`.
+fn flat(table: Map<String, Value>) -> impl Iterator<Item = (String, Value)> {
+    table.into_iter().flat_map(|(key, value)| match value {
+        Value::Object(inner) => {
+            let own = |(inner, value)| (format!("{key}.{inner}"), value);
+            inner.into_iter().map(own).collect::<Vec<_>>()
+        }
+        value => vec![(key, value)],
+    })
+}
+
 fn toml_value(value: Option<&Value>) -> Option<toml::Value> {
     let value = value.filter(|value| !value.is_null())?;
     toml::Value::try_from(value).ok()
@@ -537,6 +548,9 @@ pub(crate) fn known_key(node: &str, key: &str, keys: &[Key]) -> Result<(), Strin
     let known = || keys.iter().map(|key| key.name);
     if known().any(|name| name == key) {
         return Ok(());
+    }
+    if let Some(told) = former::told(node, key) {
+        return Err(told);
     }
     Err(match nearest(key, known()) {
         Some(near) => format!("{node} has no key {key}; do you mean {node}.{near}?"),
@@ -681,6 +695,46 @@ mod tests {
         );
         let error = load(BUILT_IN, &["filtr.floor=1"]).unwrap_err();
         assert_eq!(error, "there is no node filtr; do you mean filter?");
+    }
+
+    #[test]
+    fn keys_of_a_table_within_a_table_are_read_and_set_by_both_names() {
+        let of = |graph: &Graph| graph.settings_of("match")["curves.score"].clone();
+        let graph = load(&format!("{BUILT_IN}[match.curves]\nscore = 0.7\n"), &[]).unwrap();
+        assert_eq!(of(&graph), 0.7);
+        let again = load(&graph.to_toml(), &[]).unwrap();
+        assert_eq!(of(&again), 0.7);
+        let graph = load(BUILT_IN, &["match.curves.score=0.8"]).unwrap();
+        assert_eq!(of(&graph), 0.8);
+        let error = load(BUILT_IN, &["match.curves.score=7"]).unwrap_err();
+        assert_eq!(error, "match.curves.score must lie between 0 and 1, not 7");
+        let error = load(BUILT_IN, &["match.curves.scor=0.7"]).unwrap_err();
+        assert!(
+            error.ends_with("do you mean match.curves.score?"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_key_that_there_was_is_refused_with_what_became_of_it() {
+        let of = |set: &str| load(BUILT_IN, &[set]).unwrap_err();
+        assert_eq!(
+            of("match.score=0.6"),
+            "match.score is called match.curves.score now"
+        );
+        assert_eq!(
+            of("match.initial_disparity=32"),
+            "match.initial_disparity is called match.curves.initial_disparity and match.points.initial_disparity now"
+        );
+        assert_eq!(
+            of("match.candidates=4"),
+            "match.candidates is gone, and is always 8: more than 3 changed nothing"
+        );
+        let error = load("[capture]\n[match]\njump = 100\n", &[]).unwrap_err();
+        assert!(
+            error.starts_with("match.jump is gone, and is always 2.0: "),
+            "{error}"
+        );
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub mod settings {
 #[macro_export]
 macro_rules! settings {
     ($($table:tt)+) => {
-        $crate::messages::settings! { "::tricurve::messages::serde"; $($table)+ }
+        $crate::messages::settings! { $($table)+ }
     };
 }
 
@@ -100,6 +100,8 @@ mod cli;
 mod commands;
 #[cfg(feature = "program")]
 mod fold;
+#[cfg(feature = "program")]
+mod former;
 #[cfg(feature = "program")]
 mod graph;
 #[cfg(feature = "program")]

@@ -165,14 +165,14 @@ mod tests {
 
     #[test]
     fn a_value_is_checked_against_its_range_and_its_type() {
-        let changes = set("match.score", json!(0.6)).unwrap();
-        assert_eq!(changes[0].key, "score");
-        let error = set("match.score", json!(7)).unwrap_err();
+        let changes = set("match.curves.score", json!(0.6)).unwrap();
+        assert_eq!(changes[0].key, "curves.score");
+        let error = set("match.curves.score", json!(7)).unwrap_err();
         assert!(error.contains("must lie between"), "{error}");
-        let error = set("match.score", json!("high")).unwrap_err();
-        assert!(error.contains("match.score"), "{error}");
-        let error = set("match.scor", json!(0.5)).unwrap_err();
-        assert!(error.contains("match.score"), "{error}");
+        let error = set("match.curves.score", json!("high")).unwrap_err();
+        assert!(error.contains("match.curves.score"), "{error}");
+        let error = set("match.curves.scor", json!(0.5)).unwrap_err();
+        assert!(error.contains("match.curves.score"), "{error}");
     }
 
     #[test]
@@ -226,15 +226,21 @@ mod tests {
             assert!(error.contains("cannot be changed"), "{name}: {error}");
         }
         let names: Vec<String> = parameters().list().into_iter().map(|p| p.name).collect();
-        assert!(names.contains(&"match.score".to_owned()), "{names:?}");
+        assert!(
+            names.contains(&"match.curves.score".to_owned()),
+            "{names:?}"
+        );
         assert!(!names.iter().any(|name| name.starts_with("record.")));
     }
 
     #[test]
     fn what_is_so_already_is_no_change() {
         let score = parameters();
-        let score = score.list().into_iter().find(|p| p.name == "match.score");
-        assert_eq!(set("match.score", score.unwrap().value), Ok(vec![]));
+        let score = score
+            .list()
+            .into_iter()
+            .find(|p| p.name == "match.curves.score");
+        assert_eq!(set("match.curves.score", score.unwrap().value), Ok(vec![]));
     }
 
     #[test]

@@ -178,7 +178,10 @@ mod tests {
     fn what_is_said_for_the_user_is_never_held_back() {
         let mut said = Sayings::default();
         for _ in 0..3 {
-            assert!(said.say(line(Level::Info, "match.score is 0.5")).is_some());
+            assert!(
+                said.say(line(Level::Info, "match.curves.score is 0.5"))
+                    .is_some()
+            );
         }
         assert_eq!(said.totals(), []);
     }

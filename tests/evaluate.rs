@@ -134,13 +134,7 @@ fn without_a_truth_nothing_is_evaluated_and_nothing_amiss() {
 #[test]
 fn tuning_gives_the_same_front_every_time_with_or_without_truth() {
     let world = World::new();
-    let sweep = [
-        "tune",
-        "scene:tab",
-        "--sweep",
-        "match.support_share=0.5,0.9",
-        "--json",
-    ];
+    let sweep = ["tune", "scene:tab", "--sweep", "match.run=3,9", "--json"];
     let without = world.run(&sweep).done().json();
     assert_eq!(without, world.run(&sweep).done().json());
     let lines = without["combinations"].as_array().unwrap();
@@ -157,10 +151,15 @@ fn tuning_gives_the_same_front_every_time_with_or_without_truth() {
     let lines = with["combinations"].as_array().unwrap();
     assert!(lines.iter().all(|line| line["bad_1"].is_f64()), "{with}");
     assert!(lines.iter().any(|line| line["on_front"] == true));
-    let ran = world.run(&["tune", "scene:tab", "--sweep", "match.suport_share=0.5"]);
+    let ran = world.run(&[
+        "tune",
+        "scene:tab",
+        "--sweep",
+        "match.orientation_tolerence=20",
+    ]);
     assert_eq!(ran.code, Some(2), "{ran:?}");
     assert!(
-        ran.err.contains("do you mean match.support_share?"),
+        ran.err.contains("do you mean match.orientation_tolerance?"),
         "{}",
         ran.err
     );

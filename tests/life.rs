@@ -197,7 +197,7 @@ fn a_graph_whose_folder_is_removed_is_found_again_and_its_nodes_are_restarted() 
         assert_eq!(topics.code, Some(0), "{what}: {topics:?}");
         // The launcher's own place in it comes back a moment after the folder.
         wait_until("the launcher answers", || {
-            let set = world.run(&["param", "set", "match.score=0.61"]);
+            let set = world.run(&["param", "set", "match.curves.score=0.61"]);
             set.code == Some(0)
         });
         // A node that dies is restarted, though nobody could clean up after it.
@@ -303,7 +303,9 @@ fn too_few_open_files_are_said_before_the_start_and_a_soft_limit_is_raised() {
 fn what_is_said_is_recorded_whoever_says_it_and_whenever() {
     let world = World::new();
     let graph = recorded_graph(&world);
-    world.run(&["param", "set", "match.score=0.61"]).done();
+    world
+        .run(&["param", "set", "match.curves.score=0.61"])
+        .done();
     let beside = world.run(&["record", "--output", "b.mcap", "--scans", "2"]);
     assert_eq!(beside.code, Some(0), "{beside:?}");
     let (_, pid) = world
@@ -317,7 +319,7 @@ fn what_is_said_is_recorded_whoever_says_it_and_whenever() {
     });
     ends_whole(&world, graph);
     let early = ("capture", "depths are in arbitrary units");
-    let change = ("match", "match.score is 0.61");
+    let change = ("match", "match.curves.score is 0.61");
     let mut all = log(&world, "x.mcap");
     assert_eq!(was_said(&all, early.0, early.1), 1);
     all.extend(log(&world, "x.1.mcap"));

@@ -116,3 +116,27 @@ fn recordings_of_two_filters_are_not_merged() {
         "{ran:?}"
     );
 }
+
+#[test]
+fn settings_that_were_called_otherwise_are_carried_over_and_told() {
+    let world = world_of("edges_as_clouds");
+    // All of them are what is a constant by now, or have another name: nothing is lost, and nothing said.
+    let ran = world
+        .run(&["replay", "x.mcap", "--from", "match", "--json"])
+        .done();
+    assert!(!ran.err.contains("when it was recorded"), "{ran:?}");
+    assert_eq!(ran.json()["changed"], serde_json::json!({}), "{ran:?}");
+    let told = world.run(&["info", "x.mcap", "--settings"]).done().out;
+    assert!(told.contains("match.relation_radius = 60"), "{told}");
+    // Set anew they are called what they are called now.
+    let set = |key: &str| world.run(&["replay", "x.mcap", "--from", "match", "--set", key]);
+    let refused = set("match.score=0.6");
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(
+        refused
+            .err
+            .contains("match.score is called match.curves.score now"),
+        "{refused:?}"
+    );
+    set("match.curves.score=0.6").done();
+}

@@ -131,10 +131,10 @@ fn nodes_that_die_know_what_was_changed_when_they_come_back() {
     let world = World::new();
     let graph = graph(&world);
     for (node, what) in [
-        ("match", "match.score=1.0"),
+        ("match", "match.curves.score=1.0"),
         ("capture", "track.length=12"),
-        ("record", "match.score=0.5"),
-        ("track", "match.score=0.9"),
+        ("record", "match.curves.score=0.5"),
+        ("track", "match.curves.score=0.9"),
     ] {
         let nodes = world.nodes();
         let (_, pid) = nodes.iter().find(|(name, _)| name == node).unwrap();
@@ -247,19 +247,24 @@ fn a_stage_that_stands_still_while_something_is_set_is_ended_and_comes_back() {
 fn what_cannot_be_set_is_refused_and_the_old_value_stays() {
     let world = World::new();
     let graph = graph(&world);
-    let score = || world.run(&["param", "get", "match.score"]).done().out;
+    let score = || {
+        world
+            .run(&["param", "get", "match.curves.score"])
+            .done()
+            .out
+    };
     let before = score();
     // What holds for the whole run can be looked at.
     let channels = world.run(&["param", "get", "filter.channels"]).done();
     assert!(channels.out.starts_with('['), "{channels:?}");
     assert!(channels.err.contains("cannot be set while it goes on"));
     for (what, why) in [
-        ("match.score=9", "must lie between 0 and 1, not 9"),
+        ("match.curves.score=9", "must lie between 0 and 1, not 9"),
         (
-            "match.score=high",
-            "match.score is a number from 0 to 1, not \"high\"",
+            "match.curves.score=high",
+            "match.curves.score is a number from 0 to 1, not \"high\"",
         ),
-        ("match.scor=0.5", "do you mean match.score?"),
+        ("match.curves.scor=0.5", "do you mean match.curves.score?"),
         (
             "filter.channels=[3.0]",
             "cannot be changed while the graph runs",
@@ -275,7 +280,11 @@ fn what_cannot_be_set_is_refused_and_the_old_value_stays() {
         assert!(refused.err.contains(why), "{what}: {refused:?}");
     }
     assert_eq!(score(), before);
-    let said = world.run(&["param", "set", &format!("match.score={}", before.trim())]);
+    let said = world.run(&[
+        "param",
+        "set",
+        &format!("match.curves.score={}", before.trim()),
+    ]);
     assert_eq!(said.done().out, "it is so already\n");
     end(graph);
 }

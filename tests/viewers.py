@@ -247,32 +247,32 @@ def live(folder):
     expect(published['points'] == ['match'], f'points come from {published["points"]}')
 
     viewer.say(op='getParameters', parameterNames=[], id='all')
-    viewer.until(lambda: 'match.score' in viewer.parameters, 'parameters')
-    score = viewer.parameters['match.score']
+    viewer.until(lambda: 'match.curves.score' in viewer.parameters, 'parameters')
+    score = viewer.parameters['match.curves.score']
     finest = min(c for c in viewer.channels if c.startswith('matches/'))
     scores = lambda: [m.score for scan in scans_of(viewer, finest, 8) for m in scan.matches]
     before = scores()
     expect(min(before) < 0.999, f'no match scores lower than {min(before)}: nothing to be stricter with')
-    viewer.set('strict', match__score=0.999)
-    viewer.until(lambda: viewer.parameters['match.score'] == 0.999, 'match.score set')
+    viewer.set('strict', match__curves__score=0.999)
+    viewer.until(lambda: viewer.parameters['match.curves.score'] == 0.999, 'match.curves.score set')
     # Scans under way, in the graph and on their way here, were still matched by the score before.
     for _ in range(8):
         after = scores()
         if after and min(after) >= 0.999:
             break
-    expect(after and min(after) >= 0.999, f'long after match.score = 0.999 a match scores {min(after, default=None)}')
-    print(f'live: match.score {score} -> 0.999: the lowest of a match {min(before):.3f} -> {min(after):.3f}')
+    expect(after and min(after) >= 0.999, f'long after match.curves.score = 0.999 a match scores {min(after, default=None)}')
+    print(f'live: match.curves.score {score} -> 0.999: the lowest of a match {min(before):.3f} -> {min(after):.3f}')
 
-    for values, why in (({'match__score': 7.0}, 'between 0 and 1'), ({'match__score': 'high'}, 'match.score'),
+    for values, why in (({'match__curves__score': 7.0}, 'between 0 and 1'), ({'match__curves__score': 'high'}, 'match.curves.score'),
                         ({'filter__channels': [3.0]}, 'cannot be changed'), ({'no__such': 1.0}, 'no node'),
-                        ({'match__score': None}, '')):
+                        ({'match__curves__score': None}, '')):
         count = viewer.set('bad', **values)
         viewer.until(lambda: len(viewer.status) > count, f'a refusal of {values}')
         expect(why in viewer.status[-1]['message'], f'{values}: {viewer.status[-1]}')
-    viewer.say(op='getParameters', parameterNames=['match.score'], id='one')
+    viewer.say(op='getParameters', parameterNames=['match.curves.score'], id='one')
     for _ in range(20):
         viewer.hear()
-    expect(viewer.parameters['match.score'] == 0.999, 'a refused value was kept')
+    expect(viewer.parameters['match.curves.score'] == 0.999, 'a refused value was kept')
 
     # A whole number as many viewers write it, and as it was offered.
     least = viewer.parameters['track.min_points']
@@ -303,7 +303,7 @@ def live(folder):
     expect(os.path.getsize(os.path.join(folder, snapshot['text'])) > 10000, f'snapshot: {snapshot}')
     viewer.close()
     said = process.end()
-    expect('match.score is 0.999 from scan' in said, said)
+    expect('match.curves.score is 0.999 from scan' in said, said)
     again = subprocess.run([TRICURVE, 'replay', 'live.mcap', '--verify', '--scans', '0..60'], cwd=folder,
                            capture_output=True, text=True)
     expect(again.returncode == 0, again.stdout[-500:] + again.stderr[-500:])
@@ -538,7 +538,7 @@ def misbehaving(folder):
     sent = 0
     try:
         for sent in range(3000):
-            flood.set(f'{sent}', match__score=0.4 + 0.1 * (sent % 2))
+            flood.set(f'{sent}', match__curves__score=0.4 + 0.1 * (sent % 2))
         flood.close()
     except (WebSocketException, OSError):
         print(f'misbehaving: who floods is sent away after {sent} parameters')

@@ -14,7 +14,7 @@ use tempfile::TempDir;
 
 use super::proof;
 use crate::cli::{Compare as Args, WITHIN};
-use crate::{Failure, Outcome};
+use crate::{Failure, Outcome, former};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.within.is_nan() || args.within < 0.0 {
@@ -73,9 +73,14 @@ fn compared(
     within: f32,
     partners: Partners<'_>,
 ) -> Result<Comparison, Failure> {
-    compare(both, within, partners).map_err(|error| match error {
+    let compared = compare(both, within, partners).map_err(|error| match error {
         CompareError::Read(_) => Failure::failed(error),
         error => Failure::usage(error),
+    })?;
+    // One of them may be of a build before.
+    Ok(Comparison {
+        settings: former::settled(compared.settings),
+        ..compared
     })
 }
 

@@ -157,7 +157,10 @@ pub(super) fn rehydrate(wanted: &Wanted<'_>) -> Result<Rehydrated, Failure> {
     let scans: Vec<u64> = selection.scans.iter().map(|(scan, _)| *scan).collect();
     graph.fill_in("rehydrate", "scans", json!(scans));
     graph.fill_in("rehydrate", "lead", lead);
-    let changes = recorded_changes(false, &[], &graph, &source, &selection)?;
+    let (changes, not_carried) = recorded_changes(false, &[], &graph, &source, &selection)?;
+    if let Some(why) = not_carried.into_iter().next() {
+        return Err(Failure::failed(why));
+    }
     let (ran, _) = launch(Launch {
         graph: &graph,
         rig,

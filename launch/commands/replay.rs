@@ -26,7 +26,7 @@ use crate::launcher::{Launch, launch};
 use crate::profile::Profile;
 use crate::progress::Timeline;
 use crate::said::Early;
-use crate::{Failure, Outcome};
+use crate::{Failure, Outcome, former};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.compare && !Stage::MATCH.follows(args.from) {
@@ -52,6 +52,7 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
     let Plan {
         mut graph,
         source,
+        recorded,
         proven,
         rig,
         selection,
@@ -61,7 +62,6 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
         is_less,
     } = Plan::of(args, None, &mut said)?;
     let from = args.from;
-    let recorded = &source.metadata().configuration;
     let new_recording = recording(&mut graph)?;
     if let Some(new) = &new_recording {
         let old = record::Writer::check(new, args.force).map_err(Failure::failed)?;
@@ -79,7 +79,11 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
             args.file.display()
         )));
     }
-    let new_settings = recorded_changes(args.repeat, &set, &graph, &source, &selection)?;
+    let (new_settings, not_carried) =
+        recorded_changes(args.repeat, &set, &graph, &source, &selection)?;
+    for why in not_carried {
+        said.say(Level::Warn, "replay", why);
+    }
     let no_seek = match (&new_recording, args.verify, new_settings.is_empty()) {
         (Some(_), ..) => Some("a replay that is recorded cannot be sought in"),
         (_, true, _) => Some("a replay that is verified cannot be sought in"),
@@ -88,7 +92,7 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
         }
         _ => None,
     };
-    let changed = changes(&graph, recorded);
+    let changed = changes(&graph, &recorded);
     let names = &source.metadata().scans;
     let name = |&(scan, _): &(u64, u64)| {
         let turn = scan.checked_rem(names.len() as u64)?;
@@ -165,6 +169,8 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
 pub(super) struct Plan {
     pub(super) graph: Graph,
     pub(super) source: Recording,
+    /// The configuration that it was recorded with, in the keys of this build.
+    recorded: Value,
     /// Of a proof the topics that it has digests of.
     proven: BTreeSet<String>,
     pub(super) rig: Rig,
@@ -206,9 +212,18 @@ impl Plan {
         check_cut(&source, from, &stages).map_err(Failure::failed)?;
         let (first, end) = range(args, &source);
         let is_part = first > 0 || end.is_some();
-        let recorded = &source.metadata().configuration;
+        let (recorded, not_carried) = former::carried(&source.metadata().configuration);
+        let recorded = &recorded;
         let not_recorded = not_recorded(&source, &stages, &proven);
-        if let Some(why) = proof::other_versions(recorded, &stages) {
+        let is_computing = |why: &String| {
+            let mut names = stages.iter().map(|stage| stage.name());
+            names.any(|name| why.starts_with(&format!("{name}.")))
+        };
+        let not_carried = not_carried.into_iter().filter(is_computing);
+        for why in proof::other_versions(recorded, &stages)
+            .into_iter()
+            .chain(not_carried)
+        {
             match sink {
                 Some(_) => return Err(Failure::failed(why)),
                 None => said.say(Level::Warn, "replay", why),
@@ -273,6 +288,7 @@ impl Plan {
         let is_less = selection.broken > 0 || !is_part && source.lacks_scans();
         Ok(Self {
             graph,
+            recorded: recorded.clone(),
             source,
             proven,
             rig,
@@ -286,14 +302,14 @@ impl Plan {
 }
 
 /// The settings that were changed while it was recorded, of the stages that compute, by the numbers of the scans as they
-/// are played. What is set on the command line holds throughout.
+/// are played, and a sentence for each that this build cannot change. What is set on the command line holds throughout.
 pub(super) fn recorded_changes(
     repeats: bool,
     set: &[String],
     graph: &Graph,
     source: &Recording,
     selection: &Selection,
-) -> Result<Vec<Change>, Failure> {
+) -> Result<(Vec<Change>, Vec<String>), Failure> {
     let lines = set;
     let is_set = |change: &Change| {
         let name = format!("{}.{}", change.node, change.key);
@@ -304,7 +320,9 @@ pub(super) fn recorded_changes(
         lines.iter().any(set)
     };
     let mut changes = source.changes();
-    changes.retain(|change| graph.has(&change.node) && !is_set(change));
+    changes.retain(|change| graph.has(&change.node));
+    let (mut changes, not_carried) = former::carried_changes(changes);
+    changes.retain(|change| !is_set(change));
     let place = |change: &Change| {
         let before = |(scan, _): &(u64, u64)| *scan < change.from;
         selection.scans.partition_point(before)
@@ -321,7 +339,7 @@ pub(super) fn recorded_changes(
     for change in &mut changes {
         change.from = place(change) as u64;
     }
-    Ok(changes)
+    Ok((changes, not_carried))
 }
 
 /// Which scans are wanted, by number or by time.

@@ -16,7 +16,7 @@ use crate::graph::{self, GRAPH};
 use crate::offline::Tabulated;
 use crate::profile::Profile;
 use crate::registry::nodes;
-use crate::{Failure, Outcome};
+use crate::{Failure, Outcome, former};
 
 pub(crate) fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut recording = Recording::open(&args.file).map_err(Failure::failed)?;
@@ -81,6 +81,8 @@ fn said(path: &Path) -> Result<(), Failure> {
 /// not hold all that takes.
 fn mismatches(recording: &mut Recording, scan: u64) -> Option<Mismatches> {
     let configuration = &recording.metadata().configuration;
+    // What cannot be carried over says how points along curves are matched; the table is for the thesis's curves.
+    let (configuration, _) = former::carried(configuration);
     let own = configuration.get("match")?.clone();
     let own: matching::Settings = serde_json::from_value(own).ok()?;
     let evaluate = configuration.get("evaluate").cloned().unwrap_or_default();
@@ -137,7 +139,11 @@ pub(super) fn known() -> Result<Known, Failure> {
     let own = serde_json::to_value(graph::Settings::default()).map_err(Failure::failed)?;
     let settings = |profile: Profile| {
         let of_nodes = nodes().iter();
-        let of_nodes = of_nodes.map(|node| (node.name.to_owned(), (node.settings)(profile)));
+        // A recording may be of a build before, and say keys of before.
+        let of_nodes = of_nodes.map(|node| {
+            let settings = former::with_former(node.name, (node.settings)(profile));
+            (node.name.to_owned(), settings)
+        });
         let all: Map<String, Value> = of_nodes.chain([(GRAPH.to_owned(), own.clone())]).collect();
         Value::Object(all)
     };
@@ -148,12 +154,14 @@ pub(super) fn known() -> Result<Known, Failure> {
     let of_nodes = nodes()
         .iter()
         .flat_map(|node| node.keys.iter().map(|key| meaning(node.name, key)));
+    let of_before =
+        former::all().map(|(node, key, told)| ((node.to_owned(), key.to_owned()), told));
     let of_graph = graph::Settings::KEYS.iter().map(|key| meaning(GRAPH, key));
     Ok(Known {
         profiles: Profile::value_variants()
             .iter()
             .map(|profile| (profile.name(), settings(*profile)))
             .collect(),
-        meanings: of_nodes.chain(of_graph).collect(),
+        meanings: of_nodes.chain(of_graph).chain(of_before).collect(),
     })
 }

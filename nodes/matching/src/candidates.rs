@@ -10,11 +10,29 @@ use std::cmp::Ordering;
 use messages::{NONE, Reason};
 use wide::i16x8;
 
+use crate::along::JUMP;
 use crate::rivals::{APART, Rivals};
 use crate::rows::{Rows, Spot, around, is_flat, turn, wider};
 use crate::surroundings::Surroundings;
 use crate::triple::Steps;
 use crate::{Range, Settings};
+
+/// Candidates kept a point. From 3 on nothing changes.
+const KEEP: usize = 8;
+
+/// Cost of the greatest miss allowed. Without it 0.004 more is covered, and 0.28 % of the points are wrong instead of 0.27 %.
+const MISS_COST: f32 = 0.2;
+
+/// Most that gray levels cost. Without this end nothing changes.
+const GRAY_MOST: f32 = 2.0;
+
+/// How many times more the better side of an edge weighs than the worse one: at an occluding edge one side only is preserved.
+/// With equal weights 0.001 less is covered, and 0.26 % of the points are wrong instead of 0.27 %.
+const BETTER_SIDE: f32 = 4.0;
+
+/// More than three views: cost of being seen in none of those in which a point should be. Half of it covers 0.009 more, with
+/// 0.07 % more off by over half a pixel.
+const UNSEEN_COST: f32 = 1.0;
 
 /// A pair of points in the two other views that may show the same place as a point of the reference view.
 #[derive(Clone, Copy, Debug)]
@@ -275,15 +293,15 @@ impl Likeness {
             miss: s.miss,
             flat: s.flat.to_radians(),
             turn_cost: s.turn_cost,
-            miss_cost: s.miss_cost,
-            unseen_cost: s.unseen_cost,
+            miss_cost: MISS_COST,
+            unseen_cost: UNSEEN_COST,
             gray_cost: s.gray_cost,
-            gray_most: s.gray_most,
-            better: s.better_side / (1.0 + s.better_side),
+            gray_most: GRAY_MOST,
+            better: BETTER_SIDE / (1.0 + BETTER_SIDE),
             magnitude_cost: s.magnitude_cost,
             nothing: s.nothing,
-            most: s.nothing + s.jump,
-            keep: s.candidates,
+            most: s.nothing + JUMP,
+            keep: KEEP,
         }
     }
 

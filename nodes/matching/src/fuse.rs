@@ -5,7 +5,7 @@ use messages::{Calibration, DisparityRoom, MatchesRoom, NONE, Point, PointsRoom,
 /// The fusion, with its memory.
 #[derive(Debug, Default)]
 pub(crate) struct Fuse {
-    /// For every pixel the channel that has a point near, or [`NONE`].
+    /// For every pixel the channel that has a point there, or [`NONE`].
     taken: Vec<u32>,
     /// For every pixel the score of the point whose disparity it shows.
     scores: Vec<f32>,
@@ -28,7 +28,7 @@ impl Fuse {
         reference: usize,
         size: Size,
         calibration: &Calibration,
-        fill_in: Option<usize>,
+        fill_in: bool,
         disparity: &mut DisparityRoom<'_>,
         points: &mut PointsRoom<'_>,
     ) {
@@ -43,10 +43,9 @@ impl Fuse {
         picture.fill(f32::NAN);
         let finest = channels.len().saturating_sub(1);
         for (channel, matches) in channels.iter().enumerate().rev() {
-            if channel < finest && fill_in.is_none() {
+            if channel < finest && !fill_in {
                 break;
             }
-            let start = points.points.len();
             for found in matches.matches.iter() {
                 for point in
                     &matches.points[found.first as usize..(found.first + found.count) as usize]
@@ -59,6 +58,7 @@ impl Fuse {
                     if self.taken[pixel] != NONE && self.taken[pixel] != channel as u32 {
                         continue;
                     }
+                    self.taken[pixel] = channel as u32;
                     let place = (
                         f64::from(point.x),
                         f64::from(point.y),
@@ -84,21 +84,6 @@ impl Fuse {
                     {
                         *shown = point.disparity;
                         self.scores[pixel] = point.score;
-                    }
-                }
-            }
-            // Only now is the place taken: points of one channel do not exclude each other.
-            let reach = fill_in.unwrap_or(0);
-            for point in &points.points[start..] {
-                let (column, row) = ((point.u + 0.5) as usize, (point.v + 0.5) as usize);
-                for row in row.saturating_sub(reach)..(row + reach + 1).min(height) {
-                    let from = row * width + column.saturating_sub(reach);
-                    let to = row * width + (column + reach + 1).min(width);
-                    for taken in self.taken[from..to]
-                        .iter_mut()
-                        .filter(|taken| **taken == NONE)
-                    {
-                        *taken = channel as u32;
                     }
                 }
             }

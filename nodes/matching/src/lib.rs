@@ -1,36 +1,36 @@
 //! Three-view matching: R-tables become disparities.
 //!
 //! ```text
-//! curves, R-tables of three views, coarse to fine ─► candidates ─► along curves ─► support ─► matches ─► fused points
+//! curves, R-tables of three views, coarse to fine ─► candidates ─► along curves ─► runs ─► matches ─► fused points
 //! ```
 //!
-//! The thesis compares it with two rivals, which are here too ([`Method`]): curves in two views, which is the same without
-//! the third view, and zero-crossings one by one in two views. What comes out has one form.
+//! [`Matcher`] is the door. By default every point along a curve chooses for itself, as `method.rs` does it step by step. Two
+//! guests have rooms and settings of their own: the thesis's whole curves (`thesis`, [`CurveSettings`]) and Marr and Poggio's
+//! points alone (`points`, [`PointSettings`]). What comes out has one form.
 
+// The default method.
 mod along;
-mod by_curve;
-mod by_point;
 mod candidates;
-mod closed_loop;
-mod course;
-mod differences;
-mod fuse;
-mod marr_poggio;
-mod misaligned;
-#[cfg(feature = "node")]
-pub mod node;
-pub mod rail;
-mod relation;
+mod choice;
+mod method;
 mod repetition;
-mod report;
 mod rivals;
 mod rows;
-pub mod settings;
+mod runs;
 mod sightings;
 mod support;
 mod surroundings;
+// What all methods share.
+mod fuse;
+#[cfg(feature = "node")]
+pub mod node;
+pub mod rail;
+mod report;
+pub mod settings;
 mod triple;
-mod vote;
+// The guests.
+mod points;
+mod thesis;
 
 use messages::{
     Calibration, Contrast, CurvesView, DisparityRoom, MatchesRoom, PointsRoom, Reason, Size, Sway,
@@ -38,14 +38,14 @@ use messages::{
 };
 
 pub use messages::Reference;
-pub use settings::{Assignment, Filling, Method, Settings};
+pub use points::settings::PointSettings;
+pub use settings::{Assignment, Method, Settings};
+pub use thesis::settings::{CurveSettings, Filling};
 pub use triple::Triple;
 
-use along::{Along, Choice};
 use candidates::Candidates;
-use closed_loop::{Closed, ClosedLoop};
-use marr_poggio::Regions;
-use repetition::Repetition;
+use choice::Choice;
+use method::AlongCurves;
 use rows::Rows;
 use support::Support;
 use surroundings::Surroundings;
@@ -83,43 +83,56 @@ impl Range {
     }
 }
 
+/// Pixels a cell measures in which neighbours are counted, …
+pub(crate) const NEIGHBOURS_CELL: f32 = 8.0;
+
+/// … and pixels of disparity within which they agree.
+pub(crate) const NEIGHBOURS_WITHIN: f32 = 1.0;
+
+/// Pixels a cell measures in which a coarser channel's disparities are collected. From 8 to 32 coverage changes by less than
+/// 0.001.
+const COARSER_CELL: f32 = 16.0;
+
+/// A channel of three views that is matched.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Task<'a> {
+    pub(crate) views: &'a [ChannelView<'a>; 3],
+    pub(crate) size: Size,
+    pub(crate) range: Range,
+    pub(crate) steps: Steps,
+    /// Central width of the channel's filter, in pixels.
+    pub(crate) width: f32,
+    pub(crate) has_coarser: bool,
+}
+
+/// What every method works with, and what it fills: a choice for every point of the reference view.
+#[derive(Debug, Default)]
+pub(crate) struct Shared {
+    /// Of the views, in the channel matched last.
+    pub(crate) contrast: Contrast,
+    pub(crate) rows: [Rows; 3],
+    pub(crate) candidates: Candidates,
+    pub(crate) support: Support,
+    /// What the next coarser channel found.
+    pub(crate) coarser: Surroundings,
+    pub(crate) around: Surroundings,
+    pub(crate) choices: Vec<Choice>,
+    /// Of every point of the reference view that has no choice, why it lost it.
+    pub(crate) lost: Vec<Reason>,
+}
+
 /// The matcher, with its memory: it grows to the largest scan and is reused from then on.
 #[derive(Debug, Default)]
 pub struct Matcher {
     settings: Settings,
     /// σ² of each channel.
     variances: Vec<f32>,
-    /// Of the views, in the channel matched last.
-    contrast: Contrast,
-    rows: [Rows; 3],
+    shared: Shared,
     /// Those of further views than three, and by how many baselines each stands to the right of the reference view.
     further: Vec<(f32, Rows)>,
-    candidates: Candidates,
-    along: Along,
-    support: Support,
-    regions: Regions,
-    repetition: Repetition,
-    /// Working memory of the search for rivals.
-    alike: Vec<(f32, f32)>,
-    coarser: Surroundings,
-    around: Surroundings,
-    choices: Vec<Choice>,
-    /// Of every point of the reference view that has no choice, why it lost it.
-    lost: Vec<Reason>,
-    smooth: Vec<f32>,
-    closed_loop: ClosedLoop,
-    /// Per curve of the reference view the loop that closed.
-    closed: Vec<Option<Closed>>,
-    /// Per curve of the reference view the disparities at which its partners are looked for.
-    bands: Vec<course::Band>,
-    /// Rows by which each view's picture lies lower than the reference view's, as far as whole curves tell.
-    lower: [f32; 3],
-    /// Whether no view of the triple sways.
-    is_steady: bool,
-    /// Curves of the reference view by which pictures out of line are told.
-    asked: Vec<u32>,
-    nodes: Vec<relation::Node>,
-    nodes_before: Vec<relation::Node>,
+    along_curves: AlongCurves,
+    curves: thesis::Curves,
+    points: points::Points,
     /// Curves of the near and the far view that a curve's points chose, with their numbers.
     partners: [Vec<(u32, u32)>; 2],
     fuse: fuse::Fuse,
@@ -142,7 +155,7 @@ impl Matcher {
 
     /// How contrasty the views last matched are, in the finest channel.
     pub fn contrast(&self) -> &Contrast {
-        &self.contrast
+        &self.shared.contrast
     }
 
     /// Matches one scan of a rig: `inputs` holds the channels coarse to fine, each with its three or more views left to
@@ -233,16 +246,12 @@ impl Matcher {
         for (channel, (views, room)) in inputs.iter().zip(matches.iter_mut()).enumerate() {
             self.match_channel(triple, views.as_ref(), size, range, channel, room);
         }
-        let fill_in = self
-            .settings
-            .fill_in
-            .then_some(self.settings.fill_in_radius);
         self.fuse.fuse(
             matches,
             triple.0.reference,
             size,
             calibration,
-            fill_in,
+            self.settings.fill_in,
             disparity,
             points,
         );
@@ -262,53 +271,80 @@ impl Matcher {
         let steps = Steps::of(triple, self.settings.method == Method::ThreeView);
         let reference = views[steps.reference].curves;
         room.clear();
-        self.contrast
+        let shared = &mut self.shared;
+        shared
+            .contrast
             .measure(all.iter().map(|view| view.curves.points));
-        let used = self.rows.iter_mut().zip(views).enumerate();
+        if channel == 0 {
+            self.curves.begin(triple);
+        }
+        let used = shared.rows.iter_mut().zip(views).enumerate();
         for (at, (rows, view)) in used.filter(|&(view, _)| steps.uses(view)) {
             let to_the_right = triple.places[at] - triple.places[triple.reference];
             let sway = triple.beside_reference(at);
-            let gain = self.contrast.gain(first + at);
+            let gain = shared.contrast.gain(first + at);
             rows.fill(view, size, triple.drift * to_the_right, &sway, gain);
-            if channel == 0 {
-                self.lower[at] = triple.drift * to_the_right;
+        }
+        shared.choices.clear();
+        shared
+            .choices
+            .resize(reference.points.len(), Choice::NOTHING);
+        shared.lost.clear();
+        shared.lost.resize(reference.points.len(), Reason::Flat);
+        // The central width of the filter is w = 2·√2·σ.
+        let variance = self.variances.get(channel).copied().unwrap_or(1.0);
+        let task = Task {
+            views,
+            size,
+            range,
+            steps,
+            width: (8.0 * variance).sqrt(),
+            has_coarser: channel > 0,
+        };
+        match (self.settings.method, self.settings.assignment) {
+            (Method::ThreeView | Method::TwoView, Assignment::Point) => {
+                self.fill_further((triple, first), all, size);
+                self.along_curves
+                    .assign(&task, &self.further, &self.settings, &mut self.shared);
+            }
+            (Method::ThreeView | Method::TwoView, Assignment::Curve) => {
+                self.curves.clear(reference);
+                self.curves.assign(&task, &self.settings, &mut self.shared);
+            }
+            (Method::Point, _) => self.points.assign(&task, &self.settings, &mut self.shared),
+        }
+        let Shared {
+            coarser, choices, ..
+        } = &mut self.shared;
+        coarser.clear(size, COARSER_CELL, 1.0, range);
+        for (edge, choice) in reference.points.iter().zip(choices) {
+            if choice.is_some() {
+                coarser.add(edge.x, edge.y, choice.disparity);
             }
         }
-        self.is_steady = triple.sway.iter().all(Sway::is_none);
+        coarser.settle();
+        self.report(reference, steps, room);
+    }
+
+    /// Takes in the views beside the three, where the third view has a say.
+    fn fill_further(
+        &mut self,
+        (triple, first): (&Triple, usize),
+        all: &[ChannelView<'_>],
+        size: Size,
+    ) {
+        let others = match self.settings.method {
+            Method::ThreeView => all.len() - 3,
+            Method::TwoView | Method::Point => 0,
+        };
         let own = triple.places[triple.reference];
-        let by_point = steps.third && self.settings.assignment == Assignment::Point;
-        let others = if by_point { all.len() - 3 } else { 0 };
         self.further.resize_with(others, || (0.0, Rows::default()));
         let is_further = |(view, _): &(usize, &ChannelView<'_>)| !(first..first + 3).contains(view);
         let seen = all.iter().enumerate().filter(is_further);
         for ((to, rows), (view, seen)) in self.further.iter_mut().zip(seen) {
             *to = view as f32 - first as f32 - own;
-            let gain = self.contrast.gain(view);
+            let gain = self.shared.contrast.gain(view);
             rows.fill(seen, size, triple.drift * *to, &Sway::NONE, gain);
         }
-        self.choices.clear();
-        self.choices.resize(reference.points.len(), Choice::NOTHING);
-        self.lost.clear();
-        self.lost.resize(reference.points.len(), Reason::Flat);
-        self.closed.clear();
-        self.closed.resize(reference.curves.len(), None);
-        // The central width of the filter is w = 2·√2·σ.
-        let variance = self.variances.get(channel).copied().unwrap_or(1.0);
-        let width = (8.0 * variance).sqrt();
-        match (self.settings.method, self.settings.assignment) {
-            (Method::Point, _) => self.match_points(views, size, range, steps, width, channel > 0),
-            (_, Assignment::Point) => self.assign_points(views, size, range, steps, channel > 0),
-            (_, Assignment::Curve) => {
-                self.assign_curves(views, size, range, steps, width, channel > 0)
-            }
-        }
-        self.coarser.clear(size, self.settings.cell, 1.0, range);
-        for (edge, choice) in reference.points.iter().zip(&self.choices) {
-            if choice.is_some() {
-                self.coarser.add(edge.x, edge.y, choice.disparity);
-            }
-        }
-        self.coarser.settle();
-        self.report(reference, steps, room);
     }
 }

@@ -2,7 +2,7 @@
 
 use messages::{CurvesView, Match, MatchPoint, MatchesRoom, NONE, Reason, Rejected};
 
-use crate::along::Choice;
+use crate::choice::Choice;
 use crate::triple::Steps;
 use crate::{Assignment, Matcher, Method};
 
@@ -25,14 +25,14 @@ impl Matcher {
             let first = room.points.len() as u32;
             let (mut residual, mut disparity, mut support, mut seen) = (0.0, 0.0, 0.0, 0.0f32);
             self.partners.iter_mut().for_each(Vec::clear);
-            let choices = &self.choices[curve.range()];
+            let choices = &self.shared.choices[curve.range()];
             for (at, (point, choice)) in curve.range().zip(choices).enumerate() {
                 if !choice.is_some() {
                     continue;
                 }
                 let score = confidence(choice, change(choices, at));
                 if score < least {
-                    self.lost[point] = Reason::Unsure;
+                    self.shared.lost[point] = Reason::Unsure;
                     continue;
                 }
                 disparity += choice.disparity;
@@ -61,7 +61,7 @@ impl Matcher {
             if count == 0 {
                 room.rejected.push(Rejected {
                     curve: label,
-                    reason: most_frequent(&self.lost[curve.range()]).code(),
+                    reason: most_frequent(&self.shared.lost[curve.range()]).code(),
                 });
                 continue;
             }
@@ -74,7 +74,7 @@ impl Matcher {
                 disparity: disparity / count as f32,
                 support: support / count as f32,
             };
-            room.matches.push(match self.closed[label as usize] {
+            room.matches.push(match self.curves.closed(label) {
                 Some(closed) => Match {
                     curves: closed.curves,
                     score: closed.score,

@@ -2,7 +2,7 @@
 
 use messages::{NONE, Reason};
 
-use crate::along::Choice;
+use crate::choice::Choice;
 
 /// Uniqueness and support, with their memory.
 #[derive(Debug, Default)]

@@ -6,11 +6,11 @@
 
 use messages::{NONE, Reason};
 
+use super::course::{Band, Course};
+use super::vote::{Ballot, Lowered, Peak, Side, Votes, Way};
 use crate::ChannelView;
-use crate::course::{Band, Course};
 use crate::rows::Rows;
 use crate::triple::Steps;
-use crate::vote::{Ballot, Lowered, Peak, Side, Votes, Way};
 
 /// When a loop is closed.
 #[derive(Clone, Debug)]

@@ -6,12 +6,11 @@
 
 use std::cmp::Reverse;
 
-use crate::Matcher;
-use crate::closed_loop::Views;
-use crate::course::{Band, Lanes};
-use crate::triple::Steps;
-use crate::vote::{Ballot, Lowered};
-use crate::{ChannelView, Size};
+use super::Curves;
+use super::closed_loop::Views;
+use super::course::{Band, Lanes};
+use super::vote::{Ballot, Lowered};
+use crate::{Shared, Task};
 
 /// Rows by which pictures may be off without being worth a measurement.
 pub(crate) const FINEST: f32 = 0.125;
@@ -32,18 +31,18 @@ const ROUNDS: usize = 4;
 /// Curves that are asked, the longest ones.
 const ASKED: usize = 128;
 
-impl Matcher {
+impl Curves {
     /// Finds the offsets of the two other views beside the reference view, up to `most` rows more or less than those
     /// known, and leaves their points in the rows they belong to.
     pub(crate) fn align_rows(
         &mut self,
-        views: &[ChannelView<'_>; 3],
-        size: Size,
-        steps: Steps,
+        task: &Task<'_>,
         bands: &[Band],
         ballot: &Ballot,
         most: f32,
+        shared: &mut Shared,
     ) {
+        let Task { views, steps, .. } = task;
         let curves = views[steps.reference].curves.curves;
         let mut asked = std::mem::take(&mut self.asked);
         asked.clear();
@@ -62,9 +61,7 @@ impl Matcher {
                 ..ballot.clone()
             };
             let question = |ballot| Question {
-                views,
-                size,
-                reference: steps.reference,
+                task,
                 asked: &asked,
                 view,
                 steps: to,
@@ -72,47 +69,53 @@ impl Matcher {
                 ballot,
             };
             let found = self
-                .offset(&question(ballot), most)
-                .or_else(|| self.offset(&question(&level), most));
+                .offset(&question(ballot), most, shared)
+                .or_else(|| self.offset(&question(&level), most, shared));
             self.lower[view] = found.map_or(known, |lower| lower.clamp(known - most, known + most));
-            self.fill_rows(views, size, view);
+            self.fill_rows(task, view, shared);
         }
         self.asked = asked;
     }
 
     /// By how many rows another view's picture lies lower, up to `most` more or less than known, where the curves asked
     /// tell.
-    fn offset(&mut self, question: &Question<'_>, most: f32) -> Option<f32> {
+    fn offset(&mut self, question: &Question<'_>, most: f32, shared: &mut Shared) -> Option<f32> {
         let known = self.lower[question.view];
-        let found = self.offset_from(known, question, most);
+        let found = self.offset_from(known, question, most, shared);
         self.lower[question.view] = known;
         found
     }
 
-    fn offset_from(&mut self, known: f32, question: &Question<'_>, most: f32) -> Option<f32> {
-        let here = self.agreement(question, known).agreement;
+    fn offset_from(
+        &mut self,
+        known: f32,
+        question: &Question<'_>,
+        most: f32,
+        shared: &mut Shared,
+    ) -> Option<f32> {
+        let here = self.agreement(question, known, shared).agreement;
         // Where most agree already least squares find the rest, unless bends that would tell show in other rows only.
         if here >= NEAR * question.points()
-            && let Some(lower) = self.settled(question, known)
+            && let Some(lower) = self.settled(question, known, shared)
         {
             return Some(lower);
         }
         let mut best = (BETTER * here, known);
         for offset in (1..=most as i32).flat_map(|i| [-i, i]) {
             let lower = known + offset as f32;
-            let found = self.agreement(question, lower).agreement;
+            let found = self.agreement(question, lower, shared).agreement;
             if found > best.0 {
                 best = (found, lower);
             }
         }
-        self.settled(question, best.1)
+        self.settled(question, best.1, shared)
     }
 
     /// What least squares make of an offset, where curves tell it.
-    fn settled(&mut self, question: &Question<'_>, from: f32) -> Option<f32> {
+    fn settled(&mut self, question: &Question<'_>, from: f32, shared: &mut Shared) -> Option<f32> {
         let mut lower = from;
         for _ in 0..ROUNDS {
-            let found = self.agreement(question, lower);
+            let found = self.agreement(question, lower, shared);
             if found.squares < ENOUGH {
                 return None;
             }
@@ -122,22 +125,21 @@ impl Matcher {
     }
 
     /// How well the votes of the curves asked agree with one disparity each where the view lies so many rows lower.
-    fn agreement(&mut self, question: &Question<'_>, lower: f32) -> Lowered {
+    fn agreement(&mut self, question: &Question<'_>, lower: f32, shared: &mut Shared) -> Lowered {
         let &Question {
-            views,
-            reference,
+            task,
             asked,
             view,
             steps,
             bands,
             ballot,
-            ..
         } = question;
         self.lower[view] = lower;
-        self.fill_rows(views, question.size, view);
+        self.fill_rows(task, view, shared);
+        let reference = task.steps.reference;
         let views = Views {
-            views,
-            rows: &self.rows,
+            views: task.views,
+            rows: &shared.rows,
             lower: self.lower,
         };
         let mut sum = Lowered::default();
@@ -154,9 +156,7 @@ impl Matcher {
 /// Which curves of the reference view are asked about the rows of another view, and how.
 #[derive(Clone, Copy, Debug)]
 struct Question<'a> {
-    views: &'a [ChannelView<'a>; 3],
-    size: Size,
-    reference: usize,
+    task: &'a Task<'a>,
     /// Labels of the curves.
     asked: &'a [u32],
     /// The view whose rows are in question, …
@@ -170,7 +170,7 @@ struct Question<'a> {
 impl Question<'_> {
     /// Points of all curves asked.
     fn points(&self) -> f32 {
-        let curves = self.views[self.reference].curves.curves;
+        let curves = self.task.views[self.task.steps.reference].curves.curves;
         let counts = self.asked.iter().map(|&label| curves[label as usize].count);
         counts.map(|count| count as f32).sum()
     }

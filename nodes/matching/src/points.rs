@@ -14,35 +14,61 @@
 //! - No item has two disparities: of several points that claim one partner the one stays that its neighbours agree with.
 //! - Where too few of a region's points find a partner, the images are not in register there, and all are dropped.
 
-use messages::{Reason, Size};
+mod regions;
+pub(crate) mod settings;
 
-use crate::along::Choice;
+use messages::Reason;
+
 use crate::candidates::{self, Candidate, Likeness};
+use crate::choice::Choice;
 use crate::rows::is_flat;
-use crate::triple::Steps;
-use crate::{ChannelView, Matcher, Range};
+use crate::{Range, Settings, Shared, Task};
+use regions::Regions;
 
 /// Pixels of disparity within which candidates are one: a curve that branches repeats its points.
 const SAME: f32 = 0.5;
 
-impl Matcher {
-    /// Finds the choices of all points of the reference view, each for itself; `width` is the filter's central width.
-    pub(crate) fn match_points(
-        &mut self,
-        views: &[ChannelView<'_>; 3],
-        size: Size,
-        range: Range,
-        steps: Steps,
-        width: f32,
-        has_coarser: bool,
-    ) {
-        let s = &self.settings;
+/// Weight of the unambiguous matches around a point below which they pull it nowhere: those in its own cell count 4, those
+/// in the cells beside it less, and the sum is divided by 4.
+const FEW: f32 = 4.0;
+
+/// Pixels a cell of a region measures.
+const CELL: f32 = 16.0;
+
+/// The matcher of points alone, with its memory.
+#[derive(Debug, Default)]
+pub(crate) struct Points {
+    regions: Regions,
+}
+
+impl Points {
+    /// Finds the choices of all points of the reference view, each for itself.
+    pub(crate) fn assign(&mut self, task: &Task<'_>, settings: &Settings, shared: &mut Shared) {
+        let (all, s) = (settings, &settings.points);
+        let &Task {
+            views,
+            size,
+            range,
+            steps,
+            width,
+            has_coarser,
+        } = task;
+        let Shared {
+            rows,
+            candidates: found,
+            support,
+            coarser,
+            around,
+            choices,
+            lost,
+            ..
+        } = shared;
         let edges = views[steps.reference].curves.points;
         // All that is alike enough is a candidate; how alike decides nothing.
         let like = Likeness {
-            turn: s.orientation_tolerance.to_radians(),
-            miss: s.miss,
-            flat: s.flat.to_radians(),
+            turn: all.orientation_tolerance.to_radians(),
+            miss: all.miss,
+            flat: all.flat.to_radians(),
             turn_cost: 1.0,
             miss_cost: 0.0,
             unseen_cost: 0.0,
@@ -56,54 +82,55 @@ impl Matcher {
         };
         let reach = s.reach_widths * width;
         let predicted = has_coarser.then(|| {
-            self.coarser.predict_most(reach, range);
-            &self.coarser
+            coarser.predict_most(reach, range);
+            &*coarser
         });
         let expected = s.initial_disparity.filter(|_| !has_coarser);
         let range_here = expected.map_or(range, |disparity| Range {
             least: (disparity - reach).max(range.least),
             most: (disparity + reach).min(range.most),
         });
-        let lost = &mut self.lost;
-        let reference = &self.rows[steps.reference];
-        self.candidates.gather(
+        let reference = &rows[steps.reference];
+        found.gather(
             reference,
             (range_here, predicted),
             &like,
             None,
             lost,
             |spot, row, range, list| {
-                candidates::pairs(&self.rows, &steps, &like, (spot, row), range, list)
+                candidates::pairs(rows, &steps, &like, (spot, row), range, list)
             },
         );
 
-        self.around
-            .clear(size, s.support_cell, s.support_within, range);
-        for (point, (edge, choice)) in edges.iter().zip(&mut self.choices).enumerate() {
-            if let [first, others @ ..] = self.candidates.of(point)
+        around.clear(
+            size,
+            crate::NEIGHBOURS_CELL,
+            crate::NEIGHBOURS_WITHIN,
+            range,
+        );
+        for (point, (edge, choice)) in edges.iter().zip(&mut *choices).enumerate() {
+            if let [first, others @ ..] = found.of(point)
                 && others.iter().all(|other| is_same(first, other))
             {
                 *choice = chosen(first);
-                self.around.add(edge.x, edge.y, choice.disparity);
+                around.add(edge.x, edge.y, choice.disparity);
             }
         }
-        self.around.settle();
-        for (point, (edge, choice)) in edges.iter().zip(&mut self.choices).enumerate() {
+        around.settle();
+        for (point, (edge, choice)) in edges.iter().zip(&mut *choices).enumerate() {
             if choice.is_some() {
-                let (share, weight) = self.around.agreement(edge.x, edge.y, choice.disparity);
+                let (share, weight) = around.agreement(edge.x, edge.y, choice.disparity);
                 (choice.support, choice.witnesses) = (share, share * weight);
                 continue;
             }
             let mut best = s.majority;
-            let candidates = self.candidates.of(point);
+            let candidates = found.of(point);
             if !candidates.is_empty() {
                 lost[point] = Reason::Ambiguous;
             }
             for candidate in candidates {
-                let (share, weight) =
-                    self.around
-                        .agreement_with(edge.x, edge.y, candidate.disparity);
-                if share > best && weight >= s.support_least {
+                let (share, weight) = around.agreement_with(edge.x, edge.y, candidate.disparity);
+                if share > best && weight >= FEW {
                     best = share;
                     *choice = Choice {
                         margin: 0.0,
@@ -114,21 +141,20 @@ impl Matcher {
                 }
             }
         }
-        if s.unique {
+        if all.unique {
             // One that had no choice before one that was pulled, whose margin is zero.
             let worth = |choice: &Choice| f32::from(choice.margin == 0.0) - choice.support;
-            let spots = self.rows[steps.near].spots.len();
-            self.support
-                .keep_unique(spots, 0, &mut self.choices, lost, worth);
+            let spots = rows[steps.near].spots.len();
+            support.keep_unique(spots, 0, choices, lost, worth);
         }
         if s.matched_share > 0.0 {
-            self.regions.clear(size, s.cell);
-            for (edge, choice) in edges.iter().zip(&self.choices) {
+            self.regions.clear(size, CELL);
+            for (edge, choice) in edges.iter().zip(&*choices) {
                 if edge.is_in_row() && !is_flat(edge.orientation, like.flat) {
                     self.regions.add(edge.x, edge.y, choice.is_some());
                 }
             }
-            for ((edge, choice), lost) in edges.iter().zip(&mut self.choices).zip(lost) {
+            for ((edge, choice), lost) in edges.iter().zip(&mut *choices).zip(lost) {
                 if choice.is_some() && self.regions.share(edge.x, edge.y) < s.matched_share {
                     *choice = Choice::NOTHING;
                     *lost = Reason::Region;
@@ -154,52 +180,5 @@ fn chosen(candidate: &Candidate) -> Choice {
         support: 0.0,
         witnesses: 0.0,
         repeats: false,
-    }
-}
-
-/// How many of the points of a region are matched; a region is a cell and the eight around it.
-#[derive(Debug, Default)]
-pub(crate) struct Regions {
-    cell: f32,
-    columns: usize,
-    rows: usize,
-    /// Points, and matched points, cell by cell.
-    counts: Vec<(u32, u32)>,
-}
-
-impl Regions {
-    fn clear(&mut self, size: Size, cell: f32) {
-        self.cell = cell;
-        self.columns = (size.width as f32 / cell).ceil() as usize + 2;
-        self.rows = (size.height as f32 / cell).ceil() as usize + 2;
-        self.counts.clear();
-        self.counts.resize(self.columns * self.rows, (0, 0));
-    }
-
-    /// Column and row of a place's cell; there is a cell on every side of it.
-    fn place(&self, x: f32, y: f32) -> (usize, usize) {
-        let column = ((x / self.cell) as usize + 1).min(self.columns - 2);
-        let row = ((y / self.cell) as usize + 1).min(self.rows - 2);
-        (column, row)
-    }
-
-    fn add(&mut self, x: f32, y: f32, is_matched: bool) {
-        let (column, row) = self.place(x, y);
-        let (points, matched) = &mut self.counts[row * self.columns + column];
-        *points += 1;
-        *matched += u32::from(is_matched);
-    }
-
-    fn share(&self, x: f32, y: f32) -> f32 {
-        let (column, row) = self.place(x, y);
-        let (mut points, mut matched) = (0, 0);
-        for row in row - 1..=row + 1 {
-            let start = row * self.columns + column - 1;
-            for cell in &self.counts[start..start + 3] {
-                points += cell.0;
-                matched += cell.1;
-            }
-        }
-        matched as f32 / (points as f32).max(1.0)
     }
 }

@@ -2,13 +2,13 @@
 
 use messages::{Edge, NONE};
 
+use super::closed_loop::Closed;
+use super::settings::Filling;
+use super::vote::{Side, about};
 use crate::Range;
-use crate::along::Choice;
-use crate::closed_loop::Closed;
+use crate::choice::Choice;
 use crate::rows::{Spot, is_flat, turn};
-use crate::settings::Filling;
 use crate::triple::Steps;
-use crate::vote::{Side, about};
 
 /// Which points are partners inside matched curves.
 #[derive(Clone, Debug)]
