@@ -796,16 +796,23 @@ pub(crate) struct Bench {
     pub(crate) json: bool,
 }
 
+/// Which graph is asked, and how its answer is printed.
 #[derive(Debug, Args)]
-pub(crate) struct TopicArgs {
-    #[command(subcommand)]
-    pub(crate) command: TopicCommand,
+pub(crate) struct Asked {
     /// Which run, by its name or the beginning of it; not needed when only one is alive
     #[arg(long, value_name = "NAME", global = true)]
     pub(crate) run: Option<String>,
     /// Print the result as JSON
     #[arg(long, global = true)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct TopicArgs {
+    #[command(subcommand)]
+    pub(crate) command: TopicCommand,
+    #[command(flatten)]
+    pub(crate) asked: Asked,
 }
 
 #[derive(Debug, Subcommand)]
@@ -891,12 +898,8 @@ fn offset(text: &str) -> Result<f64, String> {
 pub(crate) struct ParamArgs {
     #[command(subcommand)]
     pub(crate) command: ParamCommand,
-    /// Which run, by its name or the beginning of it; not needed when only one is alive
-    #[arg(long, value_name = "NAME", global = true)]
-    pub(crate) run: Option<String>,
-    /// Print as JSON
-    #[arg(long, global = true)]
-    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) asked: Asked,
 }
 
 #[derive(Debug, Subcommand)]
@@ -920,12 +923,8 @@ pub(crate) enum ParamCommand {
 pub(crate) struct NodeArgs {
     #[command(subcommand)]
     pub(crate) command: NodeCommand,
-    /// Which run, by its name or the beginning of it; not needed when only one is alive
-    #[arg(long, value_name = "NAME", global = true)]
-    pub(crate) run: Option<String>,
-    /// Print the result as JSON
-    #[arg(long, global = true)]
-    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) asked: Asked,
 }
 
 #[derive(Debug, Subcommand)]

@@ -175,6 +175,21 @@ pub(crate) fn carried(recorded: &Value) -> (Value, Vec<String>) {
     (Value::Object(tables), not_carried)
 }
 
+/// A recorded configuration in the keys of this build, and in those of before where a value cannot be carried over.
+pub(crate) fn in_keys_of_now(recorded: &Value) -> Value {
+    let (mut now, _) = carried(recorded);
+    for (node, key, became) in FORMER {
+        let Fixed(fixed, _) = became else { continue };
+        let was = recorded.get(node).and_then(|table| table.get(key));
+        if let (Some(was), Some(Value::Object(table))) = (was, now.get_mut(*node))
+            && lost(node, key, was, fixed).is_some()
+        {
+            table.insert((*key).to_owned(), was.clone());
+        }
+    }
+    now
+}
+
 /// Changes that were made while it was recorded, of the keys of this build, and a sentence for each that cannot be carried
 /// over.
 pub(crate) fn carried_changes(changes: Vec<Change>) -> (Vec<Change>, Vec<String>) {
@@ -290,6 +305,16 @@ mod tests {
                 "match.jump was 100.0 when it was recorded and is always 2.0 here: what this build computes is not what was recorded"
             ]
         );
+    }
+
+    #[test]
+    fn settings_of_then_and_now_are_the_same_unless_a_value_cannot_be_carried_over() {
+        let then = json!({"match": {"score": 0.6, "jump": 2.0}, "track": {"gap": 1}});
+        let now = json!({"match": {"curves.score": 0.6}, "track": {"gap": 1}});
+        assert_eq!(in_keys_of_now(&then), now);
+        assert_eq!(in_keys_of_now(&now), now);
+        let other = json!({"match": {"score": 0.6, "jump": 9.0}, "track": {"gap": 1}});
+        assert_ne!(in_keys_of_now(&other), now);
     }
 
     #[test]

@@ -10,7 +10,8 @@ use harness::{Ran, World};
 /// A world with a recording of a build before, as `x.mcap`.
 ///
 /// `edges_as_clouds` holds one scan with everything, its edges as clouds of points in floats, its curves and tables as
-/// indices; beside it lies what that build exported. `proof_of_filter_1` is the proof of the same scan.
+/// indices; beside it lies what that build exported. `proof_of_filter_1` is the proof of the same scan. `fifty_three_keys` is of
+/// its images, by the last build whose matcher had so many.
 fn world_of(recording: &str) -> World {
     let world = World::new();
     std::fs::copy(fixture(&format!("{recording}.mcap")), world.path("x.mcap")).unwrap();
@@ -115,6 +116,34 @@ fn recordings_of_two_filters_are_not_merged() {
             .contains("were computed by builds of different versions"),
         "{ran:?}"
     );
+}
+
+#[test]
+fn a_recording_of_the_build_before_verifies_whole_and_is_merged_with_one_of_this() {
+    let world = world_of("fifty_three_keys");
+    let ran = world
+        .run(&["replay", "x.mcap", "--verify", "--json"])
+        .done();
+    let verified = &ran.json()["verified"];
+    assert_eq!(verified["equal"], true, "{ran:?}");
+    assert_eq!(verified["not_verified"], serde_json::json!([]), "{ran:?}");
+    assert!(!ran.err.contains("version"), "{ran:?}");
+    world
+        .run(&["replay", "x.mcap", "--record", "y.mcap"])
+        .done();
+    let merge = ["merge", "x.mcap", "y.mcap", "-o", "z.mcap"];
+    world.run(&merge).done();
+    let other = [
+        "replay",
+        "x.mcap",
+        "--record",
+        "w.mcap",
+        "--set",
+        "match.gap=3",
+    ];
+    world.run(&other).done();
+    let ran = world.run(&["merge", "x.mcap", "w.mcap", "-o", "v.mcap"]);
+    assert!(ran.err.contains("different settings of match"), "{ran:?}");
 }
 
 #[test]

@@ -166,7 +166,7 @@ impl Run {
     /// Sets a parameter, for which the door is held; gives the first scan for which that holds.
     #[track_caller]
     fn set(&self, score: f64) -> u64 {
-        let values = [("match.score".to_owned(), score.into())].into();
+        let values = [("match.score_least".to_owned(), score.into())].into();
         match self.ask(&Ask::Set { values }) {
             Some(Answer::Done { text }) => {
                 let from = text.strip_prefix("it holds from scan ");

@@ -9,9 +9,9 @@ use crate::running::{Process, Running};
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &NodeArgs) -> Result<Outcome, Failure> {
-    let running = Running::choose(args.run.as_deref())?;
+    let running = Running::choose(args.asked.run.as_deref())?;
     match &args.command {
-        NodeCommand::List => list(&running, args.json)?,
+        NodeCommand::List => list(&running, args.asked.json)?,
         NodeCommand::Restart { node } => restart(&running, node)?,
     }
     Ok(Outcome::Done)

@@ -12,10 +12,15 @@ use crate::running::Running;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &ParamArgs) -> Result<Outcome, Failure> {
-    let running = Running::choose(args.run.as_deref())?;
+    let running = Running::choose(args.asked.run.as_deref())?;
     match &args.command {
-        ParamCommand::List => list(&state(&running)?.parameters, args.json)?,
-        ParamCommand::Get { name } => get(&running, &state(&running)?.parameters, name, args.json)?,
+        ParamCommand::List => list(&state(&running)?.parameters, args.asked.json)?,
+        ParamCommand::Get { name } => get(
+            &running,
+            &state(&running)?.parameters,
+            name,
+            args.asked.json,
+        )?,
         ParamCommand::Set { values } => set(&running, values)?,
     }
     Ok(Outcome::Done)

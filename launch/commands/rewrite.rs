@@ -10,7 +10,7 @@ use messages::recording::Recording;
 use record::{RewriteError, Rewritten, Split, Wanted, WriteError, rewrite};
 
 use crate::cli::{Filter, Merge, Output, Recover, SplitArgs};
-use crate::{Failure, Outcome};
+use crate::{Failure, Outcome, former};
 
 pub(crate) fn recover(args: &Recover) -> Result<Outcome, Failure> {
     let written = write(
@@ -101,6 +101,7 @@ fn write(
         scans,
         split,
         overwrite: output.force,
+        settings: &former::in_keys_of_now,
         progress: &mut progress,
     };
     let written = rewrite(inputs, &output.output, wanted);

@@ -15,16 +15,16 @@ use crate::running::Running;
 use crate::{Failure, Outcome};
 
 pub(crate) fn run(args: &TopicArgs) -> Result<Outcome, Failure> {
-    let running = Running::choose(args.run.as_deref())?;
+    let running = Running::choose(args.asked.run.as_deref())?;
     match &args.command {
-        TopicCommand::List => list(&running, args.json),
-        TopicCommand::Info { topic } => info(&running, topic, args.json),
-        TopicCommand::Hz { topic, seconds } => hz(&running, topic, *seconds, args.json),
+        TopicCommand::List => list(&running, args.asked.json),
+        TopicCommand::Info { topic } => info(&running, topic, args.asked.json),
+        TopicCommand::Hz { topic, seconds } => hz(&running, topic, *seconds, args.asked.json),
         TopicCommand::Echo {
             topic,
             count,
             elements,
-        } => echo(&running, topic, *count, *elements, args.json),
+        } => echo(&running, topic, *count, *elements, args.asked.json),
     }
     .map(|()| Outcome::Done)
 }

@@ -392,7 +392,7 @@ mod tests {
         assert_eq!(takes(2), "true or false");
         let whole = Key {
             kind: "Option<usize>",
-            ..Sample::KEYS[2].clone()
+            ..Sample::KEYS[2]
         };
         assert!(whole.is_whole());
         assert_eq!(

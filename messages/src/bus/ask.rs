@@ -33,7 +33,7 @@ pub enum Ask {
     Source,
     /// Set parameters otherwise, from the next scan on: all of these or none.
     Set {
-        /// By name, as `match.score`.
+        /// By name, as `match.gap`.
         values: BTreeMap<String, Value>,
     },
     /// Play otherwise.
@@ -115,7 +115,7 @@ pub struct NodeState {
 /// A setting that can be changed while the graph runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {
-    /// As `match.score`.
+    /// As `match.gap`.
     pub name: String,
     /// What it is now; null for what the node finds by itself.
     pub value: Value,

@@ -18,7 +18,9 @@ use crate::layout::Layout;
 use crate::levels::{self, Levels};
 #[cfg(feature = "node")]
 use crate::live;
-use crate::rail::{self, Passed, Rail, Unit};
+#[cfg(feature = "node")]
+use crate::rail;
+use crate::rail::{Passed, Rail, Unit};
 use crate::rectify::{Rectifier, show};
 use crate::scene::{self, Object, Rendered};
 use crate::sensor::Sensor;

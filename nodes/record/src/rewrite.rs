@@ -105,6 +105,8 @@ pub struct Wanted<'a> {
     pub split: Split,
     /// Whether a file that is there is overwritten.
     pub overwrite: bool,
+    /// A recording's settings in the keys of this build, so that recordings of then and now can be told to be of the same.
+    pub settings: &'a dyn Fn(&serde_json::Value) -> serde_json::Value,
     /// Called after each scan with how many are written, of how many.
     pub progress: &'a mut dyn FnMut(usize, usize),
 }
@@ -181,7 +183,7 @@ pub fn rewrite(
         });
     }
     if let Some((other, stage)) = recordings.iter().find_map(|other| {
-        let stage = differing_stage(&recordings[0], other)?;
+        let stage = differing_stage(&recordings[0], other, wanted.settings)?;
         Some((other, stage))
     }) {
         let (one, other) = (recordings[0].path().to_owned(), other.path().to_owned());
@@ -282,16 +284,24 @@ pub fn read_and_written<'a>(
 }
 
 /// The first stage that two recordings were computed with different settings of, as far as they say it.
-fn differing_stage(one: &Recording, other: &Recording) -> Option<&'static str> {
+fn differing_stage(
+    one: &Recording,
+    other: &Recording,
+    settings: &dyn Fn(&serde_json::Value) -> serde_json::Value,
+) -> Option<&'static str> {
     let are_proofs = one.is_proof() && other.is_proof();
     let (one, other) = (one.metadata(), other.metadata());
     if !one.knows_settings() || !other.knows_settings() {
         return None;
     }
-    let (stages, others) = (one.computing().into_iter(), other.computing());
-    let pair = stages.zip(others);
-    let differs =
-        |((stage, one), (_, other)): ((&'static str, _), (_, _))| (one != other).then_some(stage);
+    // Digests are of settings as they stand there.
+    let said = |metadata: &Metadata| match are_proofs {
+        true => metadata.configuration.clone(),
+        false => settings(&metadata.configuration),
+    };
+    let (settings, others) = (said(one), said(other));
+    let differs = |stage: &Stage| settings.get(stage.name()) != others.get(stage.name());
+    let differing = Stage::computing().into_iter().find(differs);
     // Digests hold for the versions that they were made with, and no topic has messages of two kinds of filter.
     let versions = |metadata: &Metadata| metadata.configuration.get(VERSIONS).cloned();
     let (one, other) = (versions(one), versions(other));
@@ -304,9 +314,7 @@ fn differing_stage(one: &Recording, other: &Recording) -> Option<&'static str> {
         matches!((version(&one), version(&other)), (Some(one), Some(other)) if one != other)
     };
     let differ = Stage::all().iter().any(stage_differs) || (are_proofs && one != other);
-    pair.into_iter()
-        .find_map(differs)
-        .or(differ.then_some(VERSIONS))
+    differing.map(Stage::name).or(differ.then_some(VERSIONS))
 }
 
 /// A schema of ours as this build describes it, which is all that builds before described, and more: what is written anew

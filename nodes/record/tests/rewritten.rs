@@ -385,6 +385,7 @@ fn no_rewriting_of_what_others_rewrote_loses_a_scan() {
                 scans: 0..u64::MAX,
                 split: Split::default(),
                 overwrite: true,
+                settings: &serde_json::Value::clone,
                 progress: &mut |_, _| {},
             };
             let out = given.path("out.mcap");
@@ -490,6 +491,7 @@ fn scans_that_contradict_each_other_are_told_of() {
         scans: 0..u64::MAX,
         split: Split::default(),
         overwrite: true,
+        settings: &serde_json::Value::clone,
         progress: &mut |_, _| {},
     };
     let done = rewrite(&[path], &given.path("out.mcap"), wanted).unwrap();

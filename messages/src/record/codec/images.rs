@@ -76,46 +76,24 @@ pub(super) fn raw_pixels<'a, T: Pod>(
     Ok((size, data))
 }
 
-impl Recorded for Image {
-    fn read<'a>(
-        bytes: &'a [u8],
-        most: Size,
-        _: Others<'_, 'a>,
-        room: &mut ImageRoom<'_>,
-    ) -> Result<Size, DecodeError> {
-        read_raw_image(bytes, most, "mono8", &mut room.pixels)
-    }
+/// Kinds of message that are an image and nothing else: the section it is in, and its encoding.
+macro_rules! images {
+    ($($kind:ident($room:ident) $section:ident $encoding:literal;)+) => {$(
+        impl Recorded for $kind {
+            fn read<'a>(
+                bytes: &'a [u8],
+                most: Size,
+                _: Others<'_, 'a>,
+                room: &mut $room<'_>,
+            ) -> Result<Size, DecodeError> {
+                read_raw_image(bytes, most, $encoding, &mut room.$section)
+            }
+        }
+    )+};
 }
-
-impl Recorded for Raw {
-    fn read<'a>(
-        bytes: &'a [u8],
-        most: Size,
-        _: Others<'_, 'a>,
-        room: &mut RawRoom<'_>,
-    ) -> Result<Size, DecodeError> {
-        read_raw_image(bytes, most, "mono8", &mut room.pixels)
-    }
-}
-
-impl Recorded for Truth {
-    fn read<'a>(
-        bytes: &'a [u8],
-        most: Size,
-        _: Others<'_, 'a>,
-        room: &mut TruthRoom<'_>,
-    ) -> Result<Size, DecodeError> {
-        read_raw_image(bytes, most, "32FC1", &mut room.disparity)
-    }
-}
-
-impl Recorded for Disparity {
-    fn read<'a>(
-        bytes: &'a [u8],
-        most: Size,
-        _: Others<'_, 'a>,
-        room: &mut DisparityRoom<'_>,
-    ) -> Result<Size, DecodeError> {
-        read_raw_image(bytes, most, "32FC1", &mut room.disparity)
-    }
+images! {
+    Image(ImageRoom) pixels "mono8";
+    Raw(RawRoom) pixels "mono8";
+    Truth(TruthRoom) disparity "32FC1";
+    Disparity(DisparityRoom) disparity "32FC1";
 }
