@@ -14,6 +14,7 @@
 //! tricurve = { path = "…", default-features = false }
 //! ```
 
+mod chain;
 mod pipeline;
 
 pub use messages::{self, message};

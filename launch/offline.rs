@@ -3,15 +3,16 @@
 
 use capture::Source;
 use evaluate::{Evaluator, Known};
-use matching::{ChannelView, Matcher};
+use matching::ChannelView;
 use messages::recording::{ReadError, Recording};
 use messages::settings::Settings;
 use messages::{
-    Calibration, Curves, CurvesView, Disparity, Edge, Edges, Evaluation, Image, Kind, Matches,
-    MatchesView, Message, NONE, Owned, Point, Points, Score, Share, Size, Tables, Topic, Truth,
+    Calibration, Curves, CurvesView, Edge, Edges, Evaluation, Image, Kind, MatchesView, NONE,
+    Owned, Point, Score, Share, Size, Tables, Topic, Truth,
 };
 
 use crate::Failure;
+use crate::chain::{OfView, OfViews};
 use crate::graph::Graph;
 
 /// What a node is told by a graph.
@@ -25,19 +26,23 @@ pub(crate) fn settings<S: Settings>(graph: &Graph, node: &str) -> Result<S, Fail
 /// The points on the curves of an image's finest channel, and their gradients.
 pub(crate) fn curve_points(graph: &Graph, image: &Owned<Image>) -> Result<Vec<Edge>, Failure> {
     let size = image.header.size();
-    let mut filter = filter::Filter::new(&settings(graph, "filter")?, size);
-    let mut tracker = track::Tracker::new(&settings(graph, "track")?, size);
-    let mut edges = Owned::<Edges>::new(size);
-    filter.begin(image.view(), size);
+    let mut of_view = of_view(graph, size)?;
+    of_view.begin(image.view());
     // Channels go from coarse to fine.
     let finest = graph.channels()?.len().saturating_sub(1);
-    edges.fill(|room| {
-        room.clear();
-        filter.edges(finest, room);
-    });
     let mut curves = Owned::<Curves>::new(size);
-    curves.fill(|room| tracker.process(edges.view(), size, room));
+    of_view.curves(finest, &mut curves);
     Ok(curves.view().points.to_vec())
+}
+
+/// The stages that look at one view, as the graph sets them.
+fn of_view(graph: &Graph, size: Size) -> Result<OfView, Failure> {
+    Ok(OfView::new(
+        &settings(graph, "filter")?,
+        &settings(graph, "track")?,
+        &settings(graph, "hough")?,
+        size,
+    ))
 }
 
 /// A scan as far as its R-tables.
@@ -52,11 +57,7 @@ pub(crate) struct Tabulated {
 }
 
 /// What was matched in a scan.
-pub(crate) struct Matched {
-    /// By channel.
-    matches: Vec<Owned<Matches>>,
-    points: Owned<Points>,
-}
+pub(crate) struct Matched(OfViews);
 
 /// How a scan compares with the truth.
 #[derive(Clone, Debug)]
@@ -69,52 +70,36 @@ pub(crate) struct Evaluated {
 impl Tabulated {
     /// Reads a scan and takes it through the stages before matching.
     pub(crate) fn of(graph: &Graph, source: &mut Source, scan: u64) -> Result<Self, Failure> {
-        let filter: filter::Settings = settings(graph, "filter")?;
         let channels = graph.channels()?;
         let size = source.size_of(scan);
-        let mut tabulated = Self {
-            size,
-            calibration: source.calibration().unwrap_or(Calibration::assumed(size)),
-            images: Vec::new(),
-            curves: Vec::new(),
-            tables: Vec::new(),
-            channels,
-        };
-        let mut tracker = track::Tracker::new(&settings(graph, "track")?, size);
-        let mut tabulator = hough::Tabulator::new(&settings(graph, "hough")?, size);
-        let mut filter = filter::Filter::new(&filter, size);
+        let mut images = Vec::new();
         for view in 0..source.view_count() {
             let mut image = Owned::<Image>::new(size);
             image
                 .fill(|room| source.read(scan, view, room))
                 .map_err(Failure::failed)?;
-            tabulated.images.push(image);
+            images.push(image);
         }
-        let mut edges = Owned::<Edges>::new(size);
-        let mut by_view = Vec::new();
-        for image in &tabulated.images {
-            filter.begin(image.view(), size);
-            let mut channels = Vec::new();
-            for channel in 0..tabulated.channels.len() {
-                edges.fill(|room| {
-                    room.clear();
-                    filter.edges(channel, room);
-                });
-                let mut curves = Owned::<Curves>::new(size);
-                curves.fill(|room| tracker.process(edges.view(), size, room));
-                let mut tables = Owned::<Tables>::new(size);
-                tables.fill(|room| tabulator.process(curves.view(), size, room));
-                channels.push((curves, tables));
-            }
-            by_view.push(channels.into_iter());
-        }
-        for _ in 0..tabulated.channels.len() {
-            for (curves, tables) in by_view.iter_mut().filter_map(Iterator::next) {
-                tabulated.curves.push(curves);
-                tabulated.tables.push(tables);
+        let empty = || channels.len() * images.len();
+        let mut curves: Vec<_> = (0..empty()).map(|_| Owned::<Curves>::new(size)).collect();
+        let mut tables: Vec<_> = (0..empty()).map(|_| Owned::<Tables>::new(size)).collect();
+        let mut of_view = of_view(graph, size)?;
+        for (view, image) in images.iter().enumerate() {
+            of_view.begin(image.view());
+            for channel in 0..channels.len() {
+                let at = images.len() * channel + view;
+                of_view.curves(channel, &mut curves[at]);
+                of_view.tables(&curves[at], &mut tables[at]);
             }
         }
-        Ok(tabulated)
+        Ok(Self {
+            size,
+            calibration: source.calibration().unwrap_or(Calibration::assumed(size)),
+            channels,
+            images,
+            curves,
+            tables,
+        })
     }
 
     /// HIGH and LOW as the tracker would choose them for the finest channel of a view, in the units of the graph's filter.
@@ -224,7 +209,6 @@ impl Tabulated {
         settings: &matching::Settings,
         chosen: std::ops::Range<usize>,
     ) -> Matched {
-        let size = self.size;
         let view = |at: usize| ChannelView {
             curves: self.curves[at].view(),
             tables: self.tables[at].view(),
@@ -233,47 +217,21 @@ impl Tabulated {
         let of = |channel: usize| chosen.clone().map(move |at| view(views * channel + at));
         let inputs: Vec<Vec<ChannelView<'_>>> =
             (0..count).map(|channel| of(channel).collect()).collect();
-        let mut words = vec![vec![0u64; Matches::words(size)]; count];
-        let mut rooms: Vec<_> = words
-            .iter_mut()
-            .filter_map(|words| Matches::room(words, size))
-            .collect();
-        let mut disparity = Owned::<Disparity>::new(size);
-        let mut points = Owned::<Points>::new(size);
-        let mut matcher = Matcher::new(settings, &self.channels);
-        disparity.fill(|disparity| {
-            points.fill(|points| {
-                matcher.process(
-                    &inputs,
-                    size,
-                    &self.calibration,
-                    &mut rooms,
-                    disparity,
-                    points,
-                );
-            });
-        });
-        let owned = |room: &messages::MatchesRoom<'_>| {
-            let mut matches = Owned::<Matches>::new(size);
-            matches.fill(|out| Matches::copy(room.as_view(), out));
-            matches
-        };
-        Matched {
-            matches: rooms.iter().map(owned).collect(),
-            points,
-        }
+        let mut of_views = OfViews::new(settings, &self.channels, self.size);
+        of_views.process(&inputs, &self.calibration);
+        Matched(of_views)
     }
 }
 
 impl Matched {
     /// The result's points.
     pub(crate) fn points(&self) -> &[Point] {
-        self.points.view().points
+        self.0.points().points
     }
 
     /// What was matched in a channel.
     pub(crate) fn matches(&self, channel: usize) -> MatchesView<'_> {
-        self.matches[channel].view()
+        self.0.matches()[channel].view()
     }
 
     /// The surest points, as many as cover so much, compared with the truth of the reference view.
@@ -285,7 +243,7 @@ impl Matched {
         truth: &[f32],
         coverage: f32,
     ) -> Score {
-        evaluator.surest(scan.known(view, truth), self.points.view(), coverage)
+        evaluator.surest(scan.known(view, truth), self.0.points(), coverage)
     }
 
     /// Compares what was matched with the truth of the reference view.
@@ -297,9 +255,9 @@ impl Matched {
         truth: &[f32],
     ) -> Evaluated {
         let known = scan.known(view, truth);
-        let matches: Vec<_> = self.matches.iter().map(Owned::view).collect();
+        let matches: Vec<_> = self.0.matches().iter().map(Owned::view).collect();
         let mut evaluation = Owned::<Evaluation>::new(scan.size);
-        evaluation.fill(|room| evaluator.process(known, self.points.view(), &matches, room));
+        evaluation.fill(|room| evaluator.process(known, self.0.points(), &matches, room));
         let view = evaluation.view();
         debug_assert!(
             view.scores

@@ -2,12 +2,11 @@
 
 use std::ops::Deref;
 
-use matching::{ChannelView, Matcher};
+use matching::ChannelView;
 use messages::settings::Settings as _;
-use messages::{
-    Calibration, Curves, Disparity, Edges, Image, Matches, MatchesRoom, MatchesView, Message,
-    Owned, Point, Points, Rig, Size, Tables,
-};
+use messages::{Calibration, Curves, Image, MatchesView, Owned, Point, Rig, Size, Tables};
+
+use crate::chain::{OfView, OfViews, emptied};
 
 /// The settings of every stage; those that are left alone are what the program `tricurve` runs with.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -113,24 +112,15 @@ pub struct Pipeline {
     calibration: Calibration,
     views: usize,
     channels: usize,
-    filter: filter::Filter,
-    tracker: track::Tracker,
-    tabulator: hough::Tabulator,
-    matcher: Matcher,
+    of_view: OfView,
+    of_views: OfViews,
     image: Owned<Image>,
-    edges: Owned<Edges>,
     /// By channel, then view.
     curves: Vec<Owned<Curves>>,
     tables: Vec<Owned<Tables>>,
-    /// By channel.
-    matches: Vec<Owned<Matches>>,
-    words: Vec<Vec<u64>>,
-    disparity: Owned<Disparity>,
-    points: Owned<Points>,
     /// Memory for lists of what is borrowed during a scan.
     inputs: Vec<ChannelView<'static>>,
     by_channel: Vec<&'static [ChannelView<'static>]>,
-    rooms: Vec<MatchesRoom<'static>>,
 }
 
 impl Pipeline {
@@ -174,21 +164,13 @@ impl Pipeline {
             calibration: rig.calibration(size),
             views,
             channels,
-            filter: filter::Filter::new(filter, size),
-            tracker: track::Tracker::new(track, size),
-            tabulator: hough::Tabulator::new(&hough, size),
-            matcher: Matcher::new(matching, &rig.channels),
+            of_view: OfView::new(filter, track, &hough, size),
+            of_views: OfViews::new(matching, &rig.channels, size),
             image: Owned::new(size),
-            edges: Owned::new(size),
             curves: (0..channels * views).map(|_| Owned::new(size)).collect(),
             tables: (0..channels * views).map(|_| Owned::new(size)).collect(),
-            matches: (0..channels).map(|_| Owned::new(size)).collect(),
-            words: vec![vec![0; Matches::words(size)]; channels],
-            disparity: Owned::new(size),
-            points: Owned::new(size),
             inputs: Vec::new(),
             by_channel: Vec::new(),
-            rooms: Vec::new(),
         })
     }
 
@@ -222,16 +204,11 @@ impl Pipeline {
                 room.clear();
                 room.pixels.extend_from_slice(image);
             });
-            self.filter.begin(self.image.view(), size);
+            self.of_view.begin(self.image.view());
             for channel in 0..self.channels {
-                self.edges.fill(|room| {
-                    room.clear();
-                    self.filter.edges(channel, room);
-                });
                 let at = self.views * channel + view;
-                let (curves, tables) = (&mut self.curves[at], &mut self.tables[at]);
-                curves.fill(|room| self.tracker.process(self.edges.view(), size, room));
-                tables.fill(|room| self.tabulator.process(curves.view(), size, room));
+                self.of_view.curves(channel, &mut self.curves[at]);
+                self.of_view.tables(&self.curves[at], &mut self.tables[at]);
             }
         }
         self.match_views();
@@ -239,7 +216,6 @@ impl Pipeline {
     }
 
     fn match_views(&mut self) {
-        let size = self.size;
         let mut inputs = emptied(std::mem::take(&mut self.inputs));
         let each = self.curves.iter().zip(&self.tables);
         inputs.extend(each.map(|(curves, tables)| ChannelView {
@@ -248,27 +224,7 @@ impl Pipeline {
         }));
         let mut by_channel = emptied(std::mem::take(&mut self.by_channel));
         by_channel.extend(inputs.chunks(self.views));
-        let mut rooms = emptied(std::mem::take(&mut self.rooms));
-        let words = self.words.iter_mut();
-        rooms.extend(words.filter_map(|words| Matches::room(words, size)));
-        let (matcher, calibration) = (&mut self.matcher, &self.calibration);
-        let points = &mut self.points;
-        self.disparity.fill(|disparity| {
-            points.fill(|points| {
-                matcher.process(
-                    &by_channel,
-                    size,
-                    calibration,
-                    &mut rooms,
-                    disparity,
-                    points,
-                );
-            });
-        });
-        for (room, matches) in rooms.iter().zip(&mut self.matches) {
-            matches.fill(|out| Matches::copy(room.as_view(), out));
-        }
-        self.rooms = emptied(rooms);
+        self.of_views.process(&by_channel, &self.calibration);
         self.by_channel = emptied(by_channel);
         self.inputs = emptied(inputs);
     }
@@ -284,13 +240,6 @@ impl std::fmt::Debug for Pipeline {
     }
 }
 
-/// A list's memory for a list of the same type but for what it borrows.
-fn emptied<A, B>(mut list: Vec<A>) -> Vec<B> {
-    list.clear();
-    // Collected in place: types of one layout keep the memory.
-    list.into_iter().filter_map(|_| None).collect()
-}
-
 /// What was found in a scan.
 #[derive(Debug)]
 pub struct Found<'a> {
@@ -301,17 +250,21 @@ impl<'a> Found<'a> {
     /// The trusted points of all channels, in the reference view's columns and rows and in metres in its optical frame (x
     /// to the right, y down, z forward), as far as the rig is calibrated.
     pub fn points(&self) -> &'a [Point] {
-        self.pipeline.points.view().points
+        self.pipeline.of_views.points().points
     }
 
     /// The disparity picture of the reference view, row by row, in pixels between neighbouring views; NaN where nothing is
     /// known.
     pub fn disparity(&self) -> &'a [f32] {
-        self.pipeline.disparity.view().disparity
+        self.pipeline.of_views.disparity()
     }
 
     /// What was matched in a channel, coarse to fine; nothing of a channel that there is not.
     pub fn matches(&self, channel: usize) -> Option<MatchesView<'a>> {
-        self.pipeline.matches.get(channel).map(Owned::view)
+        self.pipeline
+            .of_views
+            .matches()
+            .get(channel)
+            .map(Owned::view)
     }
 }
