@@ -11,7 +11,7 @@
 //! Flow control is at the door, in capture, and nowhere else: capture keeps fewer than [`Run::in_flight`] scans under
 //! way and every subscriber's buffer holds more than twice that, so no buffer overflows and no publisher blocks.
 //!
-//! Instances of a node share its scans by number ([`Shard`]): each takes and makes the messages of its own, publishes them
+//! Instances of a node share its scans by number ([`Shard`](crate::ledger::Shard)): each takes and makes the messages of its own, publishes them
 //! on services of its own, and counts them in the ledger. Who joins scans of several instances gets them in order.
 //!
 //! A node never waits for another one, only for its inbox. A launcher that dies closes its children's standard input;

@@ -1,6 +1,6 @@
 //! What a message is: sections of rows, written and read in place, and everything that others must know of it.
 //!
-//! A message is defined once, by [`message!`](crate::message): which node makes it of what, which views and channels have one,
+//! A message is defined once, by [`message!`](crate::message!): which node makes it of what, which views and channels have one,
 //! its sections with the rows in them. Its layout in shared memory, its topics, its schema and encoding in a recording, its
 //! comparison and its text follow from that.
 //!
@@ -113,7 +113,7 @@ const fn is_same(one: &str, other: &str) -> bool {
     i == one.len() && i == other.len()
 }
 
-/// A kind of message, with its types: how makers fill it and how readers see it. [`message!`](crate::message) writes it.
+/// A kind of message, with its types: how makers fill it and how readers see it. [`message!`](crate::message!) writes it.
 pub trait Message: Sized + 'static {
     /// What is known of it without these types.
     const DEFINITION: &'static Definition;

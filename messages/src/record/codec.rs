@@ -228,8 +228,8 @@ pub enum Said<'a> {
 /// Gives another kind's message.
 type Others<'o, 'a> = &'o dyn Fn(Kind) -> Option<Said<'a>>;
 
-/// A kind of message that can be read back from a recording: as it is [encoded plainly](super::plain), unless it says
-/// otherwise.
+/// A kind of message that can be read back from a recording. Unless it says otherwise it is encoded plainly: every row a
+/// message, every section a list of them.
 pub trait Recorded: Message {
     /// Reads a payload into the room, and gives the image size it belongs to, which is at most `most`.
     ///
