@@ -104,6 +104,8 @@ fn a_killed_node_loses_nothing_and_its_messages_are_recorded_played_and_compared
     let info = world.ends(&["info", "h.mcap"], 0);
     assert!(info.contains("16 of 16 whole"), "{info}");
     assert!(info.contains("tricurve.histogram.Histogram"), "{info}");
+    let made_by = world.ends(&["info", "h.mcap", "--settings"], 0);
+    assert!(made_by.contains("versions.histogram = 1"), "{made_by}");
     let verified = world.ends(&["replay", "h.mcap", "--verify"], 0);
     assert!(verified.contains("histogram/left/0.8"), "{verified}");
 
