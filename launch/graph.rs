@@ -95,6 +95,10 @@ impl Graph {
         }
         for (name, key, value) in &overrides.set {
             known_node(name)?;
+            if name == GRAPH {
+                let own = || Value::Object(Map::new());
+                tables.entry(GRAPH).or_insert_with(own);
+            }
             let table = tables
                 .get_mut(name)
                 .ok_or_else(|| format!("{name}.{key} is set, but the graph has no {name}"))?;
@@ -189,7 +193,7 @@ impl Graph {
                 ));
             }
         }
-        let finishers = self.nodes.iter().filter(|(node, _)| node.finishes);
+        let finishers = self.nodes.iter().filter(|(node, _)| self.finishes(node));
         let is_idle =
             |(node, settings): &&(&NodeType, Value)| !(node.takes)(settings).into_iter().any(makes);
         if let Some((idle, _)) = finishers.clone().find(is_idle) {
@@ -346,7 +350,7 @@ impl Graph {
             let (takes, makes, finishes) = (
                 (node.takes)(settings),
                 (node.makes)(settings),
-                node.finishes,
+                self.finishes(node),
             );
             let plan = |index| NodePlan {
                 name: instances::name_of(node.name, index),
@@ -358,6 +362,20 @@ impl Graph {
             (0..of).map(plan).collect::<Vec<_>>()
         };
         self.nodes.iter().flat_map(plans).collect()
+    }
+
+    /// Whether a scan is done only when this node is: it says so itself, or is of others, and nobody after it would notice
+    /// that it lags behind.
+    fn finishes(&self, node: &NodeType) -> bool {
+        let is_last = || {
+            let settings = self.settings_of(node.name);
+            let made = (node.makes)(settings);
+            let takes = |(taker, own): &(&NodeType, Value)| {
+                (taker.takes)(own).iter().any(|kind| made.contains(kind))
+            };
+            !(node.takes)(settings).is_empty() && !self.nodes.iter().any(takes)
+        };
+        node.finishes || node.is_of_others && is_last()
     }
 
     /// How many instances a node has.
@@ -455,7 +473,7 @@ impl Graph {
                         .unwrap_or_default();
                 }
             }
-            if maker.finishes {
+            if self.finishes(maker) {
                 writeln!(text, "    {} -.->|done| {source}", maker.name).unwrap_or_default();
             }
         }
@@ -761,6 +779,14 @@ mod tests {
             assert!(error.starts_with(told), "{error}");
             assert!(error.contains(", as [\"image\"], not "), "{error}");
         }
+    }
+
+    #[test]
+    fn what_concerns_the_graph_is_set_also_where_it_has_no_table_for_it() {
+        let text = BUILT_IN.replace("[graph]\ndelivery = \"lossless\"\n", "");
+        assert_ne!(text, BUILT_IN);
+        let graph = load(&text, &["graph.delivery=live"]).unwrap();
+        assert_eq!(graph.settings.delivery, Delivery::Live);
     }
 
     #[test]

@@ -108,7 +108,14 @@ pub(crate) fn launch_before(
         let versions = versions.map(|(stage, version)| (stage.to_owned(), version.into()));
         configuration.insert(VERSIONS.to_owned(), Value::Object(versions.collect()));
         for (key, value) in remarks {
-            configuration.insert(key.to_owned(), value);
+            match (configuration.get_mut(key), value) {
+                (Some(Value::Object(known)), Value::Object(more)) => {
+                    for (key, value) in more {
+                        known.entry(key).or_insert(value);
+                    }
+                }
+                (_, value) => drop(configuration.insert(key.to_owned(), value)),
+            }
         }
     }
     let nodes = run.nodes.iter().map(|node| node.name.clone()).collect();
@@ -127,7 +134,8 @@ pub(crate) fn launch_before(
         .write(&dir)
         .and_then(|()| bus::write_changes(dir.path(), &changes))
         .map_err(|e| Failure::failed(format!("cannot write into the run's folder: {e}")))?;
-    let parameters = Parameters::new(&orders.configuration, &changes);
+    // Only of what runs: the configuration says of played stages too with which settings they computed.
+    let parameters = Parameters::new(&graph.configuration(), &changes);
     let duty = Duty {
         nodes,
         dir,

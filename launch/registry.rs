@@ -34,6 +34,8 @@ pub struct NodeType {
     pub(crate) version: Option<u32>,
     /// Whether a scan is done only when it says so.
     pub(crate) finishes: bool,
+    /// Whether a scan waits for it also where it is the last to see it and does not say so.
+    pub(crate) is_of_others: bool,
     /// All keys of its settings.
     pub(crate) keys: &'static [Key],
     /// Which of them cannot be changed while it runs; `None` when none can.
@@ -78,6 +80,7 @@ impl NodeType {
             }),
             version: None,
             finishes: false,
+            is_of_others: false,
             keys: S::KEYS,
             fixed: None,
             settings: Box::new(move |profile| profile.changed(name, json(&S::default()))),
@@ -106,7 +109,8 @@ impl NodeType {
         self
     }
 
-    /// A scan is done only when it says so, with a [finisher](Bus::finisher): that of a node whose messages no other takes.
+    /// A scan is done only when it says so, with a [finisher](Bus::finisher). Without this a scan waits for a node whose messages
+    /// no other takes until it asks the bus for more.
     pub fn finishing(mut self) -> Self {
         self.finishes = true;
         self
@@ -315,7 +319,10 @@ impl App {
                 ));
             }
             kinds.extend(&node.messages);
-            others.push(node);
+            others.push(NodeType {
+                is_of_others: true,
+                ..node
+            });
         }
         let first_taker = all.iter().position(|node| node.name == FIRST_TAKER);
         let place = first_taker.unwrap_or(all.len());

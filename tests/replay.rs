@@ -76,6 +76,29 @@ fn what_is_set_of_a_node_that_has_no_part_in_the_replay_is_refused_with_the_way(
 }
 
 #[test]
+fn what_is_played_is_of_the_view_and_the_settings_that_it_was_made_with() {
+    let world = World::new();
+    let run = ["run", "--source", "scene:tab", "--scans", "2", "--record"];
+    let set = ["x.mcap", "--set", "match.reference=centre"];
+    world.run(&[&run[..], &set].concat()).done();
+    let cut = ["replay", "x.mcap", "--from", "evaluate", "--record"];
+    world.run(&[&cut[..], &["y.mcap"]].concat()).done();
+    let json = |file: &str| world.run(&["info", file, "--json"]).done().json();
+    let (made, played) = (json("x.mcap"), json("y.mcap"));
+    assert_eq!(played["reference"], made["reference"]);
+    for table in ["match", "filter", "versions"] {
+        let tables = (
+            &played["configuration"][table],
+            &made["configuration"][table],
+        );
+        assert_eq!(tables.0, tables.1);
+    }
+    // Of profiles that are as near, the one is named that is chosen where nobody chooses.
+    let text = world.run(&["info", "y.mcap"]).done().out;
+    assert!(text.contains("profile default"), "{text}");
+}
+
+#[test]
 fn a_replay_whose_matcher_reads_r_tables_makes_them() {
     let world = World::recorded("2");
     let set = ["--set", "match.assignment=curve", "--json"];

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use messages::bus::Level;
 use messages::change::Change;
+use messages::record::VERSIONS;
 use messages::recording::Recording;
 use messages::{Kind, Rig, Stage, Topic};
 use record::{Comparison, MEASURED};
@@ -112,6 +113,7 @@ fn play(args: &Args, stays: bool) -> Result<Outcome, Failure> {
                     .into_iter()
                     .filter_map(|key| Some((key, recorded.get(key)?.clone()))),
             )
+            .chain(played(&graph, &recorded))
             .collect(),
         is_quiet: args.json,
         timeline: Some(Timeline(
@@ -412,6 +414,27 @@ fn computing(source: &Recording, from: Stage, to: Option<Stage>) -> Vec<Stage> {
         is_there && stage.follows(from) && to.is_none_or(|to| to.follows(*stage))
     };
     Stage::computing().into_iter().filter(computes).collect()
+}
+
+/// The settings and versions of the stages that do not compute: what they made, and for which view, is as it was recorded.
+fn played(graph: &Graph, recorded: &Value) -> impl Iterator<Item = (&'static str, Value)> {
+    let mut stages = Stage::computing();
+    stages.retain(|stage| !graph.has(stage.name()));
+    let versions = recorded.get(VERSIONS).and_then(Value::as_object);
+    let versions: Map<String, Value> = stages
+        .iter()
+        .filter_map(|stage| {
+            Some((
+                stage.name().to_owned(),
+                versions?.get(stage.name())?.clone(),
+            ))
+        })
+        .collect();
+    let tables: Vec<_> = stages
+        .iter()
+        .filter_map(|stage| Some((stage.name(), recorded.get(stage.name())?.clone())))
+        .collect();
+    tables.into_iter().chain([(VERSIONS, versions.into())])
 }
 
 /// The topics that are computed anew and that the recording holds, or has digests of.

@@ -72,7 +72,7 @@ pub use run::{NodePlan, Run, Start, node_of};
 pub use tuned::Tuned;
 
 use book::Book;
-use done::Dones;
+use done::{Dones, Settling};
 use ports::Ports;
 
 /// What the launcher asked of a node between two messages.
@@ -113,6 +113,10 @@ pub struct Bus {
     /// How many times the node was started before.
     life: u32,
     subscribers: Vec<Rc<ports::DataSubscriber>>,
+    /// How many messages a scan has for the node.
+    taken: usize,
+    /// Says for the node when a scan is done, where it is one that scans wait for and does not say so.
+    settling: Option<Settling>,
     began: Instant,
     next_report: Instant,
 }
@@ -159,6 +163,8 @@ impl Bus {
                 ..Book::default()
             })),
             subscribers: Vec::new(),
+            taken: 0,
+            settling: None,
             began: Instant::now(),
             next_report: Instant::now() + REPORT_EVERY,
             name: name.to_owned(),
@@ -184,6 +190,7 @@ impl Bus {
         let topics = kinds
             .iter()
             .flat_map(|&kind| Topic::of(&self.run.rig, kind));
+        self.taken += topics.clone().count();
         let inputs = Inputs::new(&self.run, &self.ports, topics, Rc::clone(&self.book))?;
         self.subscribers.extend(inputs.subscribers());
         Ok(inputs)
@@ -312,6 +319,11 @@ impl Bus {
     /// # Errors
     /// When a port cannot be connected.
     pub fn ready(&mut self) -> Result<(), BusError> {
+        let mut nodes = self.run.nodes.iter();
+        let is_waited_for = nodes.any(|node| node.name == self.name && node.finishes);
+        if is_waited_for && self.book.borrow().done.is_none() {
+            self.settling = Some(Settling::new(self.finisher()?, self.taken));
+        }
         control::say(&Event::Ports);
         let mut early = VecDeque::new();
         loop {
@@ -341,9 +353,11 @@ impl Bus {
     /// # Errors
     /// When a subscriber fails.
     pub fn next(&mut self, inputs: &mut Inputs) -> Result<Option<Received>, BusError> {
+        self.settle()?;
         loop {
             self.obey()?;
             if let Some(received) = inputs.receive()? {
+                self.hand(std::slice::from_ref(&received));
                 self.book.borrow_mut().mark = Some(Instant::now());
                 return Ok(Some(received));
             }
@@ -376,9 +390,27 @@ impl Bus {
     /// # Errors
     /// When a subscriber fails.
     pub fn scan_now(&mut self, joins: &mut Joins) -> Result<Option<Joined>, BusError> {
+        self.settle()?;
         let joined = joins.receive()?;
+        if let Some(joined) = &joined {
+            self.hand(joined.messages());
+        }
         self.book.borrow_mut().mark = Some(Instant::now());
         Ok(joined)
+    }
+
+    /// The node was handed these.
+    fn hand(&mut self, messages: &[Received]) {
+        if let Some(settling) = &mut self.settling {
+            for message in messages {
+                settling.hand(&message.header(), &message.topic().name);
+            }
+        }
+    }
+
+    /// The node asks for more, and is done with what it was handed.
+    fn settle(&mut self) -> Result<(), BusError> {
+        self.settling.as_mut().map_or(Ok(()), Settling::settle)
     }
 
     /// Adds what this node spent on a scan, for one that publishes nothing.

@@ -210,7 +210,7 @@ row! { "bytemuck";
         pub v: f32,
         /// Disparity between neighbouring views, in pixels.
         pub disparity: f32,
-        /// Confidence, 0 to 1, higher is surer.
+        /// Confidence, 0 to 1, higher is surer; of what was matched with `match.score_least` at least that.
         pub score: f32,
         /// Label of the reference view's curve in the point's channel.
         pub curve: u32,

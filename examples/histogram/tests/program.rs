@@ -131,6 +131,28 @@ fn a_killed_node_loses_nothing_and_its_messages_are_recorded_played_and_compared
 }
 
 #[test]
+fn a_node_that_nobody_takes_from_lags_behind_and_misses_nothing() {
+    let world = World::new("slow");
+    let run = ["run", &graph(), "--scans", "40", "--no-record"];
+    let run = world.starts(&run);
+    let pid = waited(|| world.node());
+    let signal = |name: &str| {
+        let mut kill = Command::new("kill");
+        kill.args([name, &pid.to_string()]);
+        assert!(kill.status().unwrap().success());
+    };
+    // Longer than the others take for what its buffers hold.
+    for _ in 0..3 {
+        std::thread::sleep(Duration::from_secs(1));
+        signal("-STOP");
+        std::thread::sleep(Duration::from_secs(4));
+        signal("-CONT");
+    }
+    let said = told(&run.wait_with_output().unwrap(), 0);
+    assert!(said.contains("40 admitted = 40 done"), "{said}");
+}
+
+#[test]
 fn a_proof_has_its_digests_and_is_rehydrated_to_the_byte() {
     let world = World::new("proof");
     let keep = "record.keep=proof";

@@ -1,7 +1,9 @@
 //! Which scans are done: who says so, and who hears it.
+//!
+//! A node that a scan waits for says so with a [`Finisher`], or leaves it to [`Settling`].
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use super::BusError;
@@ -39,6 +41,49 @@ impl Finisher {
         ports::send_words(&self.publisher, &header, &[self.index])?;
         self.doors.iter().for_each(Bell::ring);
         self.book.borrow_mut().finished(sequence);
+        Ok(())
+    }
+}
+
+/// Says it for a node that does not say it itself: a scan is done once all its messages were handed to the node and it asks for
+/// more.
+#[derive(Debug)]
+pub(super) struct Settling {
+    finisher: Finisher,
+    /// How many messages a scan has for the node.
+    messages: usize,
+    /// Which of them it was handed, by scan.
+    handed: BTreeMap<u64, BTreeSet<String>>,
+    /// What it was handed last.
+    last: Vec<(u64, String)>,
+}
+
+impl Settling {
+    pub(super) fn new(finisher: Finisher, messages: usize) -> Self {
+        Self {
+            finisher,
+            messages,
+            handed: BTreeMap::new(),
+            last: Vec::new(),
+        }
+    }
+
+    /// The node is handed a message of a topic.
+    pub(super) fn hand(&mut self, header: &Header, topic: &str) {
+        self.last.push((header.sequence, topic.to_owned()));
+        self.handed = self.handed.split_off(&header.done_below);
+    }
+
+    /// The node asks for more: it is done with what it was handed.
+    pub(super) fn settle(&mut self) -> Result<(), BusError> {
+        for (scan, topic) in self.last.drain(..) {
+            let handed = self.handed.entry(scan).or_default();
+            handed.insert(topic);
+            if handed.len() == self.messages {
+                self.handed.remove(&scan);
+                self.finisher.done(scan)?;
+            }
+        }
         Ok(())
     }
 }

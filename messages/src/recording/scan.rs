@@ -5,9 +5,9 @@ use std::ops::Range;
 
 use super::error::ReadError;
 use crate::record::{
-    Codec, DIGESTS, DecodeError, Digest, Digests, OtherOwned, Recorded, Said, TRANSFORMS,
+    Codec, DIGESTS, DecodeError, Digest, Digests, OtherOwned, Recorded, Said, TRANSFORMS, VERSIONS,
 };
-use crate::{AnyView, CurvesView, Header, Kind, Owned, Topic};
+use crate::{AnyView, CurvesView, Header, Kind, Owned, Stage, Topic};
 
 /// The messages of one scan.
 #[derive(Clone, Debug, Default)]
@@ -198,6 +198,14 @@ impl Scan {
                 "rig" => format!(
                     "the rig (views, channels, calibration) is not the one that scan {scan} was made with: it was changed after \
                      it was recorded"
+                ),
+                VERSIONS => format!(
+                    "the versions of the stages are not those that scan {scan} was made with: they were changed after it was \
+                     recorded, or a node that made it is not in this program"
+                ),
+                name if Stage::named(name).is_none() => format!(
+                    "scan {scan} was made with the node {name}, which this program does not have: use the program that \
+                     recorded it"
                 ),
                 name => format!(
                     "the settings of {name} are not those that scan {scan} was made with: they were changed after it was recorded"

@@ -105,7 +105,9 @@ impl<'a> Compared<'a> {
             settings: with(Some(nodes)),
         });
         let others = |one: &Self| one.settings.iter().filter(|s| s.is_other()).count();
-        compared.min_by_key(others).unwrap_or_else(|| Self {
+        // Of profiles that are as near, the one that is chosen where nobody chooses.
+        let distance = |one: &Self| (others(one), one.profile != Some("default"));
+        compared.min_by_key(distance).unwrap_or_else(|| Self {
             profile: None,
             settings: with(None),
         })
