@@ -38,6 +38,17 @@ impl World {
         command.spawn().unwrap()
     }
 
+    /// How many scans of the graph that runs are done, and how many are under way.
+    fn scans(&self) -> Option<(u64, u64)> {
+        let top = self.command(&["top", "--once", "--json"]).output().unwrap();
+        let text = String::from_utf8_lossy(&top.stdout).into_owned();
+        let number = |key: &str| {
+            let (_, rest) = text.split_once(&format!("\"{key}\": "))?;
+            rest.split(',').next()?.trim().parse().ok()
+        };
+        Some((number("scans_done")?, number("scans_under_way")?))
+    }
+
     /// The process of the node `histogram` in this world.
     fn node(&self) -> Option<u32> {
         let processes = fs::read_dir("/proc").unwrap().flatten();
@@ -92,7 +103,10 @@ fn a_killed_node_loses_nothing_and_its_messages_are_recorded_played_and_compared
     let mut killed = 0;
     for _ in 0..2 {
         let pid = waited(|| world.node().filter(|pid| *pid != killed));
-        std::thread::sleep(Duration::from_millis(300));
+        // It has done something since it was started: the recording waits for its messages.
+        let recorded = || fs::metadata(world.0.join("h.mcap")).map_or(0, |file| file.len());
+        let before = recorded();
+        waited(|| (recorded() > before).then_some(()));
         let mut kill = Command::new("kill");
         kill.args(["-KILL", &pid.to_string()]);
         assert!(kill.status().unwrap().success(), "the node ended too early");
@@ -141,11 +155,17 @@ fn a_node_that_nobody_takes_from_lags_behind_and_misses_nothing() {
         kill.args([name, &pid.to_string()]);
         assert!(kill.status().unwrap().success());
     };
-    // Longer than the others take for what its buffers hold.
-    for _ in 0..3 {
-        std::thread::sleep(Duration::from_secs(1));
+    waited(|| world.scans().filter(|(done, _)| *done > 0));
+    for _ in 0..2 {
         signal("-STOP");
-        std::thread::sleep(Duration::from_secs(4));
+        // The door closes, and what it let in waits: nothing moves any more.
+        let mut before = None;
+        waited(|| {
+            let now = world.scans();
+            let stands = now.is_some_and(|(_, under_way)| under_way > 1) && now == before;
+            before = now;
+            stands.then_some(())
+        });
         signal("-CONT");
     }
     let said = told(&run.wait_with_output().unwrap(), 0);
